@@ -1,0 +1,36 @@
+"""Gymnasium environments in which modular robots chase a light or carry a ball.
+
+Importing this package registers ``NCRS-LightChase-v0``, ``NCRS-Obstacle-v0`` and
+``NCRS-CarryBall-v0``. It loads neither torch nor Box2D nor pygame.
+"""
+
+from ncrs_envs.body import (
+    BodyError,
+    Cell,
+    body_features,
+    body_to_characters,
+    parse_body,
+)
+from ncrs_envs.registration import register_all
+from ncrs_envs.scenario import Scenario, ScenarioError, sample_scenario, sample_scenarios
+from ncrs_envs.tasks import TASKS, Task, TaskError, get_task, playfield
+
+register_all()
+
+__all__ = [
+    "TASKS",
+    "BodyError",
+    "Cell",
+    "Scenario",
+    "ScenarioError",
+    "Task",
+    "TaskError",
+    "body_features",
+    "body_to_characters",
+    "get_task",
+    "parse_body",
+    "playfield",
+    "register_all",
+    "sample_scenario",
+    "sample_scenarios",
+]

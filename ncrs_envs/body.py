@@ -1,0 +1,201 @@
+"""Robot bodies: the cell encoding, parsing of user input, and mass properties.
+
+Source: paper section 4 (bodies) and the published runs' densities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+BodyGrid = NDArray[np.int8]
+
+
+class Cell(IntEnum):
+    """What one grid cell of a body is made of."""
+
+    EMPTY = 0
+    TISSUE = 1
+    LIGHT_SENSOR = 2
+    """Senses the light, or the ball in CarryBall."""
+    TARGET_SENSOR = 3
+    """Senses the target area (CarryBall only)."""
+    WHEEL = 4
+
+
+CELL_SIZE = 2.0
+"""Side of a cell, in length units."""
+
+MIN_GRID_SIZE = 3
+DEFAULT_GRID_SIZE = 5
+
+CELL_DENSITY: Mapping[Cell, float] = {
+    Cell.EMPTY: 0.0,
+    Cell.TISSUE: 1.0,
+    Cell.LIGHT_SENSOR: 1.0,
+    Cell.TARGET_SENSOR: 1.0,
+    Cell.WHEEL: 0.1,
+}
+"""Mass per unit of area."""
+
+CELL_CHARACTERS: Mapping[str, Cell] = {
+    ".": Cell.EMPTY,
+    "#": Cell.TISSUE,
+    "L": Cell.LIGHT_SENSOR,
+    "T": Cell.TARGET_SENSOR,
+    "W": Cell.WHEEL,
+}
+"""The characters in which a body can be written, one string a row."""
+
+SENSOR_CELLS = (Cell.LIGHT_SENSOR, Cell.TARGET_SENSOR)
+
+
+class BodyError(ValueError):
+    """A body grid that is malformed, or that a task cannot use."""
+
+
+def check_grid_size(grid_size: Any) -> int:
+    """Return ``grid_size`` as an int, or raise ``BodyError`` if it is not an integer >= 3."""
+    if isinstance(grid_size, bool) or not isinstance(grid_size, int | np.integer):
+        raise BodyError(
+            f"grid_size must be an integer of at least {MIN_GRID_SIZE}, got {grid_size!r} "
+            f"({type(grid_size).__name__})."
+        )
+    if grid_size < MIN_GRID_SIZE:
+        raise BodyError(f"grid_size must be at least {MIN_GRID_SIZE}, got {grid_size}.")
+    return int(grid_size)
+
+
+def parse_body(body: Any, grid_size: int | None = None) -> BodyGrid:
+    """Turn user input into a body grid.
+
+    Args:
+        body: an integer array or nested list of ``Cell`` codes, shape ``(n, n)``, or ``n`` rows of
+            characters (``.`` empty, ``#`` tissue, ``L`` light sensor, ``T`` target sensor,
+            ``W`` wheel), as a sequence of strings or one string with line breaks.
+        grid_size: the ``n`` that is required, or None for any ``n >= 3``.
+
+    Returns:
+        A new, read-only int8 array of shape ``(n, n)``; row 0 is the front of the robot.
+
+    Raises:
+        BodyError: wrong rank, size, dtype, code or character.
+    """
+    if isinstance(body, str):
+        body = body.split()
+    if isinstance(body, Sequence) and len(body) > 0 and all(isinstance(r, str) for r in body):
+        body = _from_characters(body)
+    try:
+        grid = np.asarray(body)
+    except ValueError as error:
+        raise BodyError(f"body must be a square grid; its rows differ in length ({error}).") from error
+    if grid.dtype == object or not np.issubdtype(grid.dtype, np.integer):
+        raise BodyError(
+            f"body must hold integer cell codes 0 to {max(Cell)}, got dtype {grid.dtype}; "
+            "convert it, for example with body.astype(np.int8), or write it as rows of characters."
+        )
+    if grid.ndim != 2:
+        raise BodyError(
+            f"body must have 2 axes (rows, columns), got {grid.ndim} with shape {grid.shape}."
+        )
+    if grid.shape[0] != grid.shape[1] or grid.shape[0] < MIN_GRID_SIZE:
+        raise BodyError(
+            f"body must be a square grid of at least {MIN_GRID_SIZE} x {MIN_GRID_SIZE}, "
+            f"got {grid.shape[0]} x {grid.shape[1]}; pad it with 0 (empty)."
+        )
+    if grid_size is not None and grid.shape[0] != grid_size:
+        raise BodyError(
+            f"body must be {grid_size} x {grid_size}, got {grid.shape[0]} x {grid.shape[1]}; "
+            "pad it with 0 (empty), or make the environment with another grid_size."
+        )
+    unknown = np.setdiff1d(grid, [int(cell) for cell in Cell])
+    if unknown.size:
+        raise BodyError(
+            f"body holds unknown cell codes {unknown.tolist()}; known are "
+            + ", ".join(f"{int(cell)} ({cell.name.lower()})" for cell in Cell)
+            + "."
+        )
+    parsed = grid.astype(np.int8)
+    parsed.setflags(write=False)
+    return parsed
+
+
+def _from_characters(rows: Sequence[str]) -> list[list[int]]:
+    unknown = sorted(set("".join(rows)) - set(CELL_CHARACTERS))
+    if unknown:
+        known = ", ".join(f"{c!r} {cell.name.lower()}" for c, cell in CELL_CHARACTERS.items())
+        raise BodyError(f"body holds unknown characters {unknown}; known are {known}.")
+    return [[int(CELL_CHARACTERS[c]) for c in row] for row in rows]
+
+
+def body_to_characters(body: BodyGrid) -> str:
+    """The body as lines of characters, row 0 (the front) first; inverse of ``parse_body``."""
+    characters = {int(cell): c for c, cell in CELL_CHARACTERS.items()}
+    return "\n".join("".join(characters[int(code)] for code in row) for row in body)
+
+
+def sensor_mask(bodies: NDArray[Any]) -> NDArray[np.bool_]:
+    """True in sensor cells of either kind; any leading axes."""
+    return np.asarray((bodies == Cell.LIGHT_SENSOR) | (bodies == Cell.TARGET_SENSOR))
+
+
+def wheel_mask(bodies: NDArray[Any]) -> NDArray[np.bool_]:
+    """True in wheel cells; any leading axes."""
+    return np.asarray(bodies == Cell.WHEEL)
+
+
+def body_features(bodies: NDArray[Any]) -> NDArray[np.int64]:
+    """The archive's coordinates: ``(sensors of all types, wheels, occupied cells)``.
+
+    Args:
+        bodies: cell codes, shape ``(..., n, n)``.
+
+    Returns:
+        int64, shape ``(..., 3)``.
+    """
+    counts = [sensor_mask(bodies), wheel_mask(bodies), np.asarray(bodies != Cell.EMPTY)]
+    return np.stack([mask.sum(axis=(-2, -1), dtype=np.int64) for mask in counts], axis=-1)
+
+
+def cell_centers(grid_size: int) -> NDArray[np.float64]:
+    """Cell centres in the body frame, shape ``(n, n, 2)``: x to the right, y forward (row 0)."""
+    offsets = (np.arange(grid_size) - (grid_size - 1) / 2) * CELL_SIZE
+    centers = np.empty((grid_size, grid_size, 2))
+    centers[..., 0] = offsets[None, :]
+    centers[..., 1] = -offsets[:, None]
+    return centers
+
+
+@dataclass(frozen=True)
+class MassProperties:
+    """Mass, centre of mass (body frame, x and y) and moment of inertia about that centre."""
+
+    mass: float
+    center: tuple[float, float]
+    inertia: float
+
+
+def mass_properties(body: BodyGrid) -> MassProperties:
+    """Mass properties of the rigid body that all occupied cells form together.
+
+    Each cell is a solid square: mass ``density * side^2`` and inertia ``mass * side^2 / 6`` about
+    its own centre, moved to the common centre by the parallel-axis theorem.
+
+    Raises:
+        BodyError: the body has no cells.
+    """
+    density = np.array([CELL_DENSITY[cell] for cell in Cell])
+    masses = density[body] * CELL_SIZE**2
+    mass = float(masses.sum())
+    if mass == 0.0:
+        raise BodyError("body has no cells, so it has no mass; at least one cell must not be 0.")
+    centers = cell_centers(body.shape[0])
+    center = (masses[..., None] * centers).sum(axis=(0, 1)) / mass
+    squared = ((centers - center) ** 2).sum(axis=-1)
+    inertia = float((masses * (CELL_SIZE**2 / 6.0 + squared)).sum())
+    return MassProperties(mass, (float(center[0]), float(center[1])), inertia)

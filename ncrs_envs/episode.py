@@ -1,0 +1,115 @@
+"""One episode on Box2D: a body in a scenario, with the task's sensing, reward and success.
+
+The Gymnasium environments and the ``box2d`` engine both step this class.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs_envs.body import BodyGrid, Cell, cell_centers, sensor_mask
+from ncrs_envs.box2d_world import Pose, RobotWorld
+from ncrs_envs.physics import WheelModel, wheel_model
+from ncrs_envs.scenario import Point, Scenario
+from ncrs_envs.tasks import DistanceScore, Task, distance_score, playfield
+
+
+@dataclass(frozen=True)
+class TaskSettings:
+    """A task with the settings that users may change."""
+
+    task: Task
+    grid_size: int
+    score: DistanceScore = "exponential"
+    success_radius: float = 0.0
+    """Units; the task's own radius unless set (see ``check_success_radius``)."""
+
+
+class Robot:
+    """A valid body with what is computed from it once and used in every episode."""
+
+    def __init__(self, body: BodyGrid) -> None:
+        self.body = body
+        self.wheels: WheelModel = wheel_model(body)
+        self.sensor_cells = np.flatnonzero(sensor_mask(body))
+        self.sensor_points = cell_centers(body.shape[0]).reshape(-1, 2)[self.sensor_cells]
+        self.senses_target = body.reshape(-1)[self.sensor_cells] == Cell.TARGET_SENSOR
+
+
+class Episode:
+    """A running episode.
+
+    Args:
+        settings: the task and its settings.
+        robot: a body that the task accepts.
+        scenario: placements that fit the task.
+    """
+
+    def __init__(self, settings: TaskSettings, robot: Robot, scenario: Scenario) -> None:
+        self.settings = settings
+        self.robot = robot
+        self.scenario = scenario
+        self.world = RobotWorld(robot.body, robot.wheels, scenario)
+        self.success = False
+        self.crossed = False
+        self._extent = playfield(settings.grid_size)
+        self._read_poses()
+
+    def _read_poses(self) -> None:
+        """Fetch what the rest reads, once a step."""
+        self.pose: Pose = self.world.pose
+        self.ball: Point | None = self.world.ball
+
+    def step(self, action: NDArray[np.floating]) -> float:
+        """Advance one control step and return the reward.
+
+        Args:
+            action: finite gas per cell, shape ``(n, n)``; read in wheel cells, clipped to [-1, 1].
+        """
+        gas = action.reshape(-1)[self.robot.wheels.wheel_cells].astype(np.float64)
+        self.world.step(np.clip(gas, -1.0, 1.0))
+        self._read_poses()
+        distances = self.distances
+        self.success = self.success or distances[-1] <= self.settings.success_radius
+        self.crossed = self.crossed or self.pose[1] > 0.0
+        scores = [distance_score(d, self._extent, self.settings.score) for d in distances]
+        return sum(scores) / len(scores)
+
+    @property
+    def distances(self) -> tuple[float, ...]:
+        """Units: robot to light; in CarryBall, robot to ball and ball to target."""
+        x, y, _ = self.pose
+        if self.ball is not None and self.scenario.target is not None:
+            return (math.dist((x, y), self.ball), math.dist(self.ball, self.scenario.target))
+        assert self.scenario.light is not None
+        return (math.dist((x, y), self.scenario.light),)
+
+    @property
+    def observation(self) -> NDArray[np.float32]:
+        """Sensor values in sensor cells, 0 elsewhere; float32, shape ``(n, n)``."""
+        n = self.settings.grid_size
+        observation = np.zeros(n * n, dtype=np.float32)
+        observation[self.robot.sensor_cells] = self.sensor_values
+        return observation.reshape(n, n)
+
+    @property
+    def sensor_values(self) -> NDArray[np.float64]:
+        """Value of each sensor in row order, in (0, 1], shape ``(sensors,)``."""
+        x, y, angle = self.pose
+        cos, sin = math.cos(angle), math.sin(angle)
+        points = self.robot.sensor_points @ np.array([[cos, sin], [-sin, cos]])
+        seen = self.ball if self.ball is not None else self.scenario.light
+        assert seen is not None
+        offsets = points + (x - seen[0], y - seen[1])
+        if self.scenario.target is not None:
+            target_x, target_y = self.scenario.target
+            to_target = points + (x - target_x, y - target_y)
+            offsets = np.where(self.robot.senses_target[:, None], to_target, offsets)
+        distances = np.sqrt((offsets**2).sum(axis=1))
+        if self.settings.score == "exponential":
+            return np.exp(-distances / self._extent)
+        return (distances / self._extent + 1.0) ** -2

@@ -1,0 +1,113 @@
+"""Physical constants, and the wheel model that every simulator shares.
+
+All wheels of a robot share the body's axes, so their friction is one linear map of the robot's
+body-frame twist and their thrust one linear map of the gas values. Both are constant for a body.
+Units are the paper's: lengths in units, time in seconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs_envs.body import (
+    BodyGrid,
+    MassProperties,
+    cell_centers,
+    mass_properties,
+    wheel_mask,
+)
+
+DT = 1.0 / 50.0
+"""Seconds in one physics step, which is also one control step."""
+
+WHEEL_THRUST = 1000.0
+"""Forward force of a wheel at gas 1."""
+WHEEL_FORWARD_FRICTION = 20.0
+"""Force per unit of speed along the wheel's forward axis."""
+WHEEL_SIDE_FRICTION = 100.0
+"""Force per unit of speed along the wheel's side axis."""
+
+CONTACT_FRICTION = 0.2
+CONTACT_RESTITUTION = 0.0
+
+LIGHT_RADIUS = 1.0
+BALL_RADIUS = 1.0
+BALL_DENSITY = 0.1
+BALL_DRAG = 1.0
+"""Drag force on the ball per unit of speed."""
+TARGET_SIDE = 10.0
+"""Side of the square target area, which collides with nothing."""
+
+MAX_TRANSLATION = 2.0
+"""Largest translation of a body in one step, in units (Box2D's limit)."""
+MAX_ROTATION_RAD = 0.5 * np.pi
+"""Largest rotation of a body in one step (Box2D's limit)."""
+
+
+@dataclass(frozen=True)
+class WheelModel:
+    """The wheels of one body as linear maps in the body frame, about the centre of mass.
+
+    With the twist ``u = (v_x, v_y, omega)`` and the gas ``g`` of each wheel, the explicit wrench
+    is ``thrust @ g - damping @ u``.
+    """
+
+    mass_properties: MassProperties
+    wheel_cells: NDArray[np.intp]
+    """Flat grid indices of the wheels, row by row, shape ``(wheels,)``."""
+    thrust: NDArray[np.float64]
+    """Shape ``(3, wheels)``: wrench per unit of gas."""
+    damping: NDArray[np.float64]
+    """Shape ``(3, 3)``: wrench per unit of twist, positive semidefinite."""
+    implicit: bool
+    """True if explicit friction would gain energy, so that it is integrated implicitly."""
+    solver: NDArray[np.float64]
+    """Shape ``(3, 3)``: maps an explicit wrench to the one to apply; the identity if explicit."""
+
+    def wrench(
+        self, gas: NDArray[np.float64], twist: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Force x, force y and torque of all wheels over the next step, body frame.
+
+        Args:
+            gas: shape ``(wheels,)``, in [-1, 1].
+            twist: ``(v_x, v_y, omega)`` of the centre of mass at the start of the step, body frame.
+        """
+        explicit = self.thrust @ gas - self.damping @ twist
+        return self.solver @ explicit if self.implicit else explicit
+
+
+def wheel_model(body: BodyGrid) -> WheelModel:
+    """Build the wheel model of a body with at least one cell.
+
+    Explicit friction multiplies the twist by ``1 - dt M^-1 D`` each step, with
+    ``M = diag(m, m, I)``. Where the spectral radius of that exceeds 1 the friction is implicit
+    instead: ``(M + dt D) u' = M u + dt T g``. The wrench that carries ``u`` to ``u'`` is
+    ``M (M + dt D)^-1`` times the explicit wrench, which is what ``solver`` holds.
+    """
+    properties = mass_properties(body)
+    wheel_cells = np.flatnonzero(wheel_mask(body))
+    points = cell_centers(body.shape[0]).reshape(-1, 2)[wheel_cells] - properties.center
+    x, y = points[:, 0], points[:, 1]
+    ones, zeros = np.ones_like(x), np.zeros_like(x)
+    # Rows of the Jacobians that map the twist to a wheel's speed along each of its axes.
+    forward = np.stack([zeros, ones, x], axis=0)
+    side = np.stack([ones, zeros, -y], axis=0)
+    damping = (
+        WHEEL_FORWARD_FRICTION * forward @ forward.T + WHEEL_SIDE_FRICTION * side @ side.T
+    )
+    inertia = np.diag([properties.mass, properties.mass, properties.inertia])
+    rates = np.linalg.eigvals(np.linalg.solve(inertia, damping)).real
+    implicit = bool(np.max(np.abs(1.0 - DT * rates)) > 1.0 + 1e-9)
+    solver = inertia @ np.linalg.inv(inertia + DT * damping) if implicit else np.eye(3)
+    return WheelModel(
+        mass_properties=properties,
+        wheel_cells=wheel_cells,
+        thrust=WHEEL_THRUST * forward,
+        damping=damping,
+        implicit=implicit,
+        solver=solver,
+    )

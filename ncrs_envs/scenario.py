@@ -1,0 +1,275 @@
+"""Where robot, light, ball, target and walls stand in one episode.
+
+Everything random about an episode is drawn once, from one Generator, into a ``Scenario``. Every
+simulator takes the same object, which is what makes common random numbers, replay and parity
+tests possible. Source: paper section 4; the obstacle generator follows the published runs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs_envs.body import CELL_SIZE, DEFAULT_GRID_SIZE, check_grid_size
+from ncrs_envs.tasks import REGIONS, Task, get_task, playfield
+
+Point = tuple[float, float]
+Polyline = tuple[Point, ...]
+
+# Placements as fractions of the playfield extent P.
+_FAR = 0.6
+_NEAR = 0.3
+_NOISE = 0.05
+_START_Y = -0.85
+_CORNER_REGIONS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+_COLUMN_REGIONS = (-_FAR, -_NEAR, _NEAR, _FAR)
+WALL_EXTENT = 1.1
+"""The walls begin at y = -1.1 P and reach out to x = -1.1 P and 1.1 P."""
+_PASSAGE_RANGE = 0.8
+
+# Wall shape in multiples of the grid size n.
+_PASSAGE_HALF_WIDTH = 0.7
+_WALL_TOP = 1.2
+_WALL_NOISE = 0.8
+_WALL_VERTICES = (5, 20)
+_MAX_START_DRAWS = 1000
+
+
+class ScenarioError(ValueError):
+    """A scenario that is malformed, or that does not fit the task or the playfield."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Placements of one episode, in world coordinates ``(x, y)`` and length units.
+
+    Make a variant with ``dataclasses.replace(scenario, light=(20.0, 30.0))``; it is validated like
+    any other: points must be pairs of finite numbers, walls at least two points each.
+
+    Raises:
+        ScenarioError: a field is malformed.
+    """
+
+    start: Point
+    """Centre of the robot at the start; it heads +y."""
+    light: Point | None = None
+    ball: Point | None = None
+    target: Point | None = None
+    walls: tuple[Polyline, Polyline] | None = None
+    """Edges of the left and the right wall from bottom to top. Everything to the left of the first
+    and to the right of the second, out to x = -1.1 P and 1.1 P, is solid."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", _point(self.start, "start"))
+        for name in ("light", "ball", "target"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _point(value, name))
+        if self.walls is not None:
+            object.__setattr__(self, "walls", _walls(self.walls))
+
+    def check(self, task: Task, grid_size: int) -> None:
+        """Raise ``ScenarioError`` unless this fits the task and its playfield."""
+        extent = playfield(grid_size)
+        needed = {
+            "light": task.has_light,
+            "ball": task.has_ball,
+            "target": task.has_ball,
+            "walls": task.has_walls,
+        }
+        for name, wanted in needed.items():
+            given = getattr(self, name) is not None
+            if given != wanted:
+                raise ScenarioError(
+                    f"A scenario for {task.name} must {'have' if wanted else 'not have'} {name}, "
+                    f"got {name}={getattr(self, name)!r}."
+                )
+        for name in ("start", "light", "ball", "target"):
+            point = getattr(self, name)
+            if point is not None and max(abs(point[0]), abs(point[1])) > extent:
+                raise ScenarioError(
+                    f"{name} must lie in the playfield, -{extent:g} to {extent:g} on each axis "
+                    f"for grid size {grid_size}, got {point}."
+                )
+
+
+def _point(value: Any, name: str) -> Point:
+    try:
+        x, y = (float(coordinate) for coordinate in value)
+    except (TypeError, ValueError) as error:
+        raise ScenarioError(f"{name} must be a pair of numbers (x, y), got {value!r}.") from error
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ScenarioError(f"{name} must be finite, got ({x}, {y}).")
+    return (x, y)
+
+
+def _walls(value: Any) -> tuple[Polyline, Polyline]:
+    try:
+        left, right = (
+            tuple(_point(point, f"{side} wall point") for point in line)
+            for side, line in zip(("left", "right"), value, strict=True)
+        )
+    except (TypeError, ValueError) as error:
+        if isinstance(error, ScenarioError):
+            raise
+        raise ScenarioError(
+            f"walls must be two lines of points, left and right, got {value!r}."
+        ) from error
+    if min(len(left), len(right)) < 2:
+        raise ScenarioError(
+            f"Each wall needs at least 2 points, got {len(left)} (left) and {len(right)} (right)."
+        )
+    return left, right
+
+
+def wall_quads(scenario: Scenario, grid_size: int) -> NDArray[np.float64]:
+    """The walls as convex quadrilaterals, shape ``(quads, 4, 2)``; none gives ``(0, 4, 2)``.
+
+    One quad between each two consecutive points of a wall and the same heights at x = -+1.1 P,
+    as in the published runs. Neighbouring quads may overlap where a wall folds back.
+    """
+    if scenario.walls is None:
+        return np.empty((0, 4, 2))
+    limit = WALL_EXTENT * playfield(grid_size)
+    quads = []
+    for line, outside in zip(scenario.walls, (-limit, limit), strict=True):
+        for (x0, y0), (x1, y1) in zip(line[:-1], line[1:], strict=True):
+            quads.append([(outside, y0), (x0, y0), (x1, y1), (outside, y1)])
+    return np.array(quads, dtype=np.float64)
+
+
+def sample_scenario(
+    task: str | Task,
+    rng: np.random.Generator,
+    region: int | None = None,
+    grid_size: int = DEFAULT_GRID_SIZE,
+) -> Scenario:
+    """Draw one scenario.
+
+    Args:
+        task: task or its name.
+        rng: the only source of randomness.
+        region: where the light or ball stands, 0 to 3 in the order of the paper (corners
+            counter-clockwise from the lower left, columns from left to right), or None for a
+            uniformly random one.
+        grid_size: side of the body grid, which scales the playfield and the walls.
+
+    Raises:
+        ScenarioError: unknown region.
+        TaskError: unknown task.
+    """
+    task = get_task(task)
+    extent = playfield(check_grid_size(grid_size))
+    region = int(rng.integers(REGIONS)) if region is None else check_region(region)
+    noise_x, noise_y = rng.uniform(-_NOISE * extent, _NOISE * extent, size=2)
+    if not (task.has_walls or task.has_ball):
+        sign_x, sign_y = _CORNER_REGIONS[region]
+        light = (sign_x * _FAR * extent + noise_x, sign_y * _FAR * extent + noise_y)
+        return Scenario(start=(0.0, 0.0), light=light)
+
+    start_y = _START_Y * extent
+    column = _COLUMN_REGIONS[region] * extent
+    if task.has_ball:
+        start = (rng.uniform(-_FAR * extent, _FAR * extent), start_y)
+        target_x = _COLUMN_REGIONS[int(rng.integers(REGIONS))] * extent
+        return Scenario(
+            start=start, ball=(column + noise_x, noise_y), target=(target_x, _FAR * extent)
+        )
+    walls = _sample_walls(rng, grid_size)
+    obstacle = Scenario(start=(0.0, start_y), walls=walls)
+    quads = wall_quads(obstacle, grid_size)
+    for _ in range(_MAX_START_DRAWS):
+        start = (rng.uniform(-_FAR * extent, _FAR * extent), start_y)
+        if not _square_overlaps(start, grid_size * CELL_SIZE / 2.0, quads):
+            light = (column + noise_x, _FAR * extent + noise_y)
+            return Scenario(start=start, light=light, walls=walls)
+    raise ScenarioError(  # pragma: no cover - the walls leave most of the start line free
+        f"No start free of walls in {_MAX_START_DRAWS} draws for grid size {grid_size}."
+    )
+
+
+def check_region(region: Any) -> int:
+    """Return ``region`` as an int in [0, 4), else raise ``ScenarioError``."""
+    if (
+        isinstance(region, bool)
+        or not isinstance(region, int | np.integer)
+        or not 0 <= region < REGIONS
+    ):
+        raise ScenarioError(f"region must be an integer from 0 to {REGIONS - 1}, got {region!r}.")
+    return int(region)
+
+
+def _sample_walls(rng: np.random.Generator, grid_size: int) -> tuple[Polyline, Polyline]:
+    extent = playfield(grid_size)
+    passage = rng.uniform(-_PASSAGE_RANGE * extent, _PASSAGE_RANGE * extent)
+    lines = []
+    for sign in (-1.0, 1.0):
+        count = int(rng.integers(*_WALL_VERTICES))
+        bottom = (sign * WALL_EXTENT * extent, -WALL_EXTENT * extent)
+        top = (passage + sign * _PASSAGE_HALF_WIDTH * grid_size, _WALL_TOP * grid_size)
+        line = np.linspace(bottom, top, count)
+        line[:-2] += rng.uniform(
+            -_WALL_NOISE * grid_size, _WALL_NOISE * grid_size, size=(count - 2, 2)
+        )
+        lines.append(tuple((float(x), float(y)) for x, y in line))
+    return lines[0], lines[1]
+
+
+def _square_overlaps(center: Point, half: float, quads: NDArray[np.float64]) -> bool:
+    """Whether an axis-aligned square overlaps any quad, by the separating-axis theorem.
+
+    The robot's whole grid stands for its body, since scenarios are shared between bodies.
+    """
+    x, y = center
+    low, high = quads.min(axis=1), quads.max(axis=1)
+    near = (
+        (low[:, 0] < x + half) & (high[:, 0] > x - half)
+        & (low[:, 1] < y + half) & (high[:, 1] > y - half)
+    )
+    # The quads' horizontal and vertical sides are covered by the boxes; what is left is the normal
+    # of the slanted edge between vertices 1 and 2.
+    edge = quads[:, 2] - quads[:, 1]
+    normal = np.stack([-edge[:, 1], edge[:, 0]], axis=-1)
+    projected = (quads * normal[:, None, :]).sum(axis=-1)
+    middle = x * normal[:, 0] + y * normal[:, 1]
+    reach = half * np.abs(normal).sum(axis=-1)
+    slanted = (projected.min(axis=1) < middle + reach) & (projected.max(axis=1) > middle - reach)
+    return bool((near & slanted).any())
+
+
+def sample_scenarios(
+    task: str | Task,
+    seed: int | Sequence[int] | np.random.SeedSequence,
+    n: int = 12,
+    grid_size: int = DEFAULT_GRID_SIZE,
+) -> list[Scenario]:
+    """Draw the scenarios of one evaluation: run ``i`` uses region ``i mod 4``.
+
+    Args:
+        task: task or its name.
+        seed: one seed decides all; each run has its own stream, so that the first runs of a longer
+            evaluation equal those of a shorter one.
+        n: number of runs, at least 1.
+        grid_size: side of the body grid.
+
+    Raises:
+        ScenarioError: ``n`` is not a positive integer.
+        TaskError: unknown task.
+    """
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+        raise ScenarioError(f"n must be a positive integer number of runs, got {n!r}.")
+    # A SeedSequence counts the children it has spawned; a fresh one keeps this function pure.
+    if isinstance(seed, np.random.SeedSequence):
+        root = np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
+    else:
+        root = np.random.SeedSequence(seed)
+    streams = [np.random.Generator(np.random.PCG64(child)) for child in root.spawn(int(n))]
+    return [
+        sample_scenario(task, stream, region=i % REGIONS, grid_size=grid_size)
+        for i, stream in enumerate(streams)
+    ]

@@ -1,0 +1,169 @@
+"""The three tasks: what each needs of a body, what it rewards, and when it counts as solved.
+
+Source: paper section 4 (tasks); the inverse-square score and the carry radius are those of the
+published runs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs_envs.body import BodyError, BodyGrid, Cell, parse_body
+
+DistanceScore = Literal["exponential", "inverse_square"]
+DISTANCE_SCORES: tuple[DistanceScore, ...] = ("exponential", "inverse_square")
+
+MAX_EPISODE_STEPS = 100
+PARTIAL_CREDIT = 0.01
+"""Fitness per correct part of a body that the task cannot use."""
+REGIONS = 4
+"""Number of start regions of the light or ball, cycled over the runs of an evaluation."""
+
+
+class TaskError(ValueError):
+    """An unknown task, or a task setting outside its allowed values."""
+
+
+def playfield(grid_size: int) -> float:
+    """Half the side ``P`` of the playfield: coordinates run from -P to P (60 for 5 x 5)."""
+    return max(50.0, 5.0 * grid_size + 35.0)
+
+
+def distance_score(distance: float, extent: float, kind: DistanceScore = "exponential") -> float:
+    """Score in (0, 1] of a distance: ``exp(-d/P)`` or ``(d/P + 1)^-2``, with ``P = extent``."""
+    if kind == "exponential":
+        return math.exp(-distance / extent)
+    return (distance / extent + 1.0) ** -2
+
+
+@dataclass(frozen=True)
+class Task:
+    """Everything in which one task differs from the others."""
+
+    name: str
+    env_id: str
+    success_radius: float
+    """Default radius of success, in units: robot to light, or ball to target."""
+    required_parts: tuple[tuple[Cell, int], ...]
+    """Least number of each part that a body must have."""
+    has_light: bool = False
+    has_ball: bool = False
+    has_walls: bool = False
+
+    @property
+    def part_cells(self) -> tuple[Cell, ...]:
+        """Cell types that this task's bodies are made of, in the order of the NCA's channels."""
+        if self.has_ball:
+            return (Cell.TISSUE, Cell.LIGHT_SENSOR, Cell.TARGET_SENSOR, Cell.WHEEL)
+        return (Cell.TISSUE, Cell.LIGHT_SENSOR, Cell.WHEEL)
+
+    @property
+    def min_sensors(self) -> int:
+        """Least number of sensors of all types in a valid body."""
+        return sum(n for cell, n in self.required_parts if cell is not Cell.WHEEL)
+
+    def correct_parts(self, bodies: NDArray[Any]) -> NDArray[np.int64]:
+        """Number of required parts present, each counted up to the number required.
+
+        Args:
+            bodies: cell codes, shape ``(..., n, n)``.
+
+        Returns:
+            int64, shape ``(...)``.
+        """
+        counts = [
+            np.minimum((bodies == cell).sum(axis=(-2, -1)), needed)
+            for cell, needed in self.required_parts
+        ]
+        return np.asarray(sum(counts), dtype=np.int64)
+
+    def is_valid(self, bodies: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether the task can use each body; shapes as in ``correct_parts``."""
+        complete = self.correct_parts(bodies) == sum(needed for _, needed in self.required_parts)
+        allowed = np.isin(bodies, [int(c) for c in (Cell.EMPTY, *self.part_cells)])
+        return np.asarray(complete & allowed.all(axis=(-2, -1)))
+
+    def partial_credit(self, bodies: NDArray[Any]) -> NDArray[np.float64]:
+        """Fitness of bodies that cannot be simulated; shapes as in ``correct_parts``."""
+        return PARTIAL_CREDIT * self.correct_parts(bodies)
+
+    def check_body(self, body: BodyGrid) -> None:
+        """Raise ``BodyError`` saying which parts are missing or not allowed, and how many."""
+        lacking = []
+        for cell, needed in self.required_parts:
+            found = int((body == cell).sum())
+            if found < needed:
+                name = cell.name.lower().replace("_", " ")
+                lacking.append(f"{needed} {name}{'s' if needed > 1 else ''} (code {int(cell)}), has {found}")
+        if lacking:
+            raise BodyError(f"A body for {self.name} needs at least " + "; and at least ".join(lacking) + ".")
+        foreign = sorted(set(np.unique(body).tolist()) - {0, *map(int, self.part_cells)})
+        if foreign:
+            raise BodyError(
+                f"A body for {self.name} cannot hold {Cell(foreign[0]).name.lower()} cells "
+                f"(code {foreign[0]}, found {int((body == foreign[0]).sum())}); use codes "
+                f"{[0, *map(int, self.part_cells)]}."
+            )
+
+
+_SEEKER_PARTS = ((Cell.LIGHT_SENSOR, 1), (Cell.WHEEL, 2))
+_CARRIER_PARTS = ((Cell.LIGHT_SENSOR, 1), (Cell.TARGET_SENSOR, 1), (Cell.WHEEL, 2))
+
+LIGHT_CHASE = Task(
+    "light_chase", "NCRS-LightChase-v0", 20.0, _SEEKER_PARTS, has_light=True
+)
+OBSTACLE = Task(
+    "obstacle", "NCRS-Obstacle-v0", 20.0, _SEEKER_PARTS, has_light=True, has_walls=True
+)
+CARRY_BALL = Task("carry_ball", "NCRS-CarryBall-v0", 10.0, _CARRIER_PARTS, has_ball=True)
+
+TASKS: Mapping[str, Task] = MappingProxyType(
+    {task.name: task for task in (LIGHT_CHASE, OBSTACLE, CARRY_BALL)}
+)
+
+
+def get_task(task: str | Task) -> Task:
+    """The task of that name (or the task itself); ``TaskError`` names the known ones."""
+    if isinstance(task, Task):
+        return task
+    if task not in TASKS:
+        raise TaskError(f"Unknown task {task!r}; choose one of {sorted(TASKS)}.")
+    return TASKS[task]
+
+
+def default_body(task: Task, grid_size: int) -> BodyGrid:
+    """A small four-wheeled body that works in every task, 3 x 3 cells in the middle of the grid."""
+    sensors = "LTL" if task.has_ball else "L#L"
+    rows = np.full((grid_size, grid_size), ".", dtype="<U1")
+    corner = (grid_size - 3) // 2
+    core = [list(row) for row in (sensors, "W#W", "W#W")]
+    rows[corner : corner + 3, corner : corner + 3] = core
+    return parse_body(["".join(row) for row in rows], grid_size)
+
+
+def check_distance_score(kind: Any) -> DistanceScore:
+    """Return ``kind`` if it is a known distance score, else raise ``TaskError``."""
+    if kind not in DISTANCE_SCORES:
+        raise TaskError(f"distance_score must be one of {list(DISTANCE_SCORES)}, got {kind!r}.")
+    return kind  # type: ignore[no-any-return]
+
+
+def check_success_radius(radius: Any, task: Task) -> float:
+    """Return the success radius in units (the task's own for None), else raise ``TaskError``."""
+    if radius is None:
+        return task.success_radius
+    if (
+        isinstance(radius, bool)
+        or not isinstance(radius, int | float | np.number)
+        or not math.isfinite(radius)
+        or radius <= 0
+    ):
+        raise TaskError(f"success_radius must be a positive finite number, got {radius!r}.")
+    return float(radius)
