@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from ncrs_envs.body import (
     DEFAULT_GRID_SIZE,
     BodyGrid,
-    check_grid_size,
     parse_body,
     sensor_mask,
     wheel_mask,
 )
-from ncrs_envs.episode import Episode, Robot, TaskSettings
+from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.physics import DT
 from ncrs_envs.rendering import DEFAULT_RENDER_SIZE, Scene, Window, check_render_size, draw_scene
 from ncrs_envs.scenario import (
@@ -34,10 +33,9 @@ from ncrs_envs.tasks import (
     LIGHT_CHASE,
     OBSTACLE,
     Task,
-    check_distance_score,
-    check_success_radius,
     default_body,
     playfield,
+    task_settings,
 )
 
 if TYPE_CHECKING:
@@ -55,18 +53,6 @@ class OptionError(ValueError):
 
 class ActionError(ValueError):
     """An action of the wrong shape, or with values that are not finite numbers."""
-
-
-def task_settings(
-    task: Task, grid_size: int, distance_score: str, success_radius: float | None
-) -> TaskSettings:
-    """Check the settings that a user may change and bind them to the task."""
-    return TaskSettings(
-        task=task,
-        grid_size=check_grid_size(grid_size),
-        score=check_distance_score(distance_score),
-        success_radius=check_success_radius(success_radius, task),
-    )
 
 
 def check_options(options: dict[str, Any] | None) -> dict[str, Any]:

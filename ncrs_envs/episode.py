@@ -6,7 +6,6 @@ The Gymnasium environments and the ``box2d`` engine both step this class.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +14,7 @@ from ncrs_envs.body import BodyGrid, Cell, cell_centers, sensor_mask
 from ncrs_envs.box2d_world import Pose, RobotWorld
 from ncrs_envs.physics import WheelModel, wheel_model
 from ncrs_envs.scenario import Point, Scenario
-from ncrs_envs.tasks import DistanceScore, Task, distance_score, playfield
-
-
-@dataclass(frozen=True)
-class TaskSettings:
-    """A task with the settings that users may change."""
-
-    task: Task
-    grid_size: int
-    score: DistanceScore = "exponential"
-    success_radius: float = 0.0
-    """Units; the task's own radius unless set (see ``check_success_radius``)."""
+from ncrs_envs.tasks import TaskSettings, distance_score, playfield
 
 
 class Robot:
@@ -111,5 +99,5 @@ class Episode:
             offsets = np.where(self.robot.senses_target[:, None], to_target, offsets)
         distances = np.sqrt((offsets**2).sum(axis=1))
         if self.settings.score == "exponential":
-            return np.exp(-distances / self._extent)
-        return (distances / self._extent + 1.0) ** -2
+            return np.asarray(np.exp(-distances / self._extent))
+        return np.asarray((distances / self._extent + 1.0) ** -2)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -138,7 +139,7 @@ def wall_quads(scenario: Scenario, grid_size: int) -> NDArray[np.float64]:
     limit = WALL_EXTENT * playfield(grid_size)
     quads = []
     for line, outside in zip(scenario.walls, (-limit, limit), strict=True):
-        for (x0, y0), (x1, y1) in zip(line[:-1], line[1:], strict=True):
+        for (x0, y0), (x1, y1) in pairwise(line):
             quads.append([(outside, y0), (x0, y0), (x1, y1), (outside, y1)])
     return np.array(quads, dtype=np.float64)
 

@@ -15,7 +15,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs_envs.body import BodyError, BodyGrid, Cell, parse_body
+from ncrs_envs.body import (
+    DEFAULT_GRID_SIZE,
+    BodyError,
+    BodyGrid,
+    Cell,
+    check_grid_size,
+    parse_body,
+)
 
 DistanceScore = Literal["exponential", "inverse_square"]
 DISTANCE_SCORES: tuple[DistanceScore, ...] = ("exponential", "inverse_square")
@@ -101,9 +108,13 @@ class Task:
             found = int((body == cell).sum())
             if found < needed:
                 name = cell.name.lower().replace("_", " ")
-                lacking.append(f"{needed} {name}{'s' if needed > 1 else ''} (code {int(cell)}), has {found}")
+                lacking.append(
+                    f"{needed} {name}{'s' if needed > 1 else ''} (code {int(cell)}), has {found}"
+                )
         if lacking:
-            raise BodyError(f"A body for {self.name} needs at least " + "; and at least ".join(lacking) + ".")
+            raise BodyError(
+                f"A body for {self.name} needs at least " + "; and at least ".join(lacking) + "."
+            )
         foreign = sorted(set(np.unique(body).tolist()) - {0, *map(int, self.part_cells)})
         if foreign:
             raise BodyError(
@@ -116,12 +127,8 @@ class Task:
 _SEEKER_PARTS = ((Cell.LIGHT_SENSOR, 1), (Cell.WHEEL, 2))
 _CARRIER_PARTS = ((Cell.LIGHT_SENSOR, 1), (Cell.TARGET_SENSOR, 1), (Cell.WHEEL, 2))
 
-LIGHT_CHASE = Task(
-    "light_chase", "NCRS-LightChase-v0", 20.0, _SEEKER_PARTS, has_light=True
-)
-OBSTACLE = Task(
-    "obstacle", "NCRS-Obstacle-v0", 20.0, _SEEKER_PARTS, has_light=True, has_walls=True
-)
+LIGHT_CHASE = Task("light_chase", "NCRS-LightChase-v0", 20.0, _SEEKER_PARTS, has_light=True)
+OBSTACLE = Task("obstacle", "NCRS-Obstacle-v0", 20.0, _SEEKER_PARTS, has_light=True, has_walls=True)
 CARRY_BALL = Task("carry_ball", "NCRS-CarryBall-v0", 10.0, _CARRIER_PARTS, has_ball=True)
 
 TASKS: Mapping[str, Task] = MappingProxyType(
@@ -167,3 +174,35 @@ def check_success_radius(radius: Any, task: Task) -> float:
     ):
         raise TaskError(f"success_radius must be a positive finite number, got {radius!r}.")
     return float(radius)
+
+
+@dataclass(frozen=True)
+class TaskSettings:
+    """A task with the settings that users may change; ``task_settings`` checks them."""
+
+    task: Task
+    grid_size: int
+    score: DistanceScore
+    success_radius: float
+    """Units."""
+
+
+def task_settings(
+    task: str | Task,
+    grid_size: int = DEFAULT_GRID_SIZE,
+    distance_score: str = "exponential",
+    success_radius: float | None = None,
+) -> TaskSettings:
+    """Check the settings that a user may change and bind them to the task.
+
+    Raises:
+        TaskError: unknown task or score, or a success radius that is not positive and finite.
+        BodyError: ``grid_size`` is not an integer of at least 3.
+    """
+    task = get_task(task)
+    return TaskSettings(
+        task=task,
+        grid_size=check_grid_size(grid_size),
+        score=check_distance_score(distance_score),
+        success_radius=check_success_radius(success_radius, task),
+    )

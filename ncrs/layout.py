@@ -1,0 +1,124 @@
+"""The NCA's channels and parameters as numbers: what both the torch module and the kernels follow.
+
+Source: paper section 3 (the NCA); the layer sizes are those of the published runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs_envs.tasks import Task, get_task
+
+BODY_CHANNEL = 0
+CONTROL_CHANNEL = 1
+FIRST_PART_CHANNEL = 2
+HIDDEN_CHANNELS = 6
+FEATURES = 30
+"""Outputs of the first and of the second layer."""
+KERNEL_SIZE = 3
+ALIVE_THRESHOLD = 0.1
+STATE_LIMIT = 5.0
+"""States are clipped to -5 and 5 after every update."""
+STEPS_PER_ACTION = 2
+
+
+class GenomeError(ValueError):
+    """A genome of the wrong length, rank or dtype, or with values that are not finite."""
+
+
+@dataclass(frozen=True)
+class NCALayout:
+    """Channels of the NCA for one task, in order: body, control flag, parts, hidden, input/output."""
+
+    task: Task
+
+    @property
+    def part_channels(self) -> slice:
+        """One channel per body part, in the order of ``task.part_cells``."""
+        return slice(FIRST_PART_CHANNEL, FIRST_PART_CHANNEL + len(self.task.part_cells))
+
+    @property
+    def part_codes(self) -> tuple[int, ...]:
+        """Cell code of each part channel."""
+        return tuple(int(cell) for cell in self.task.part_cells)
+
+    @property
+    def changing_channels(self) -> slice:
+        """The hidden channels and the input/output one: all that changes during control."""
+        return slice(self.part_channels.stop, self.channels)
+
+    @property
+    def io_channel(self) -> int:
+        """The input/output channel, which is the last."""
+        return self.channels - 1
+
+    @property
+    def channels(self) -> int:
+        """Number of channels: 12, or 13 for CarryBall."""
+        return FIRST_PART_CHANNEL + len(self.task.part_cells) + HIDDEN_CHANNELS + 1
+
+    @property
+    def parameter_shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes of weight and bias of the three layers, in the genome's order."""
+        channels = self.channels
+        return (
+            (FEATURES, channels, KERNEL_SIZE, KERNEL_SIZE),
+            (FEATURES,),
+            (FEATURES, FEATURES, 1, 1),
+            (FEATURES,),
+            (channels, FEATURES, 1, 1),
+            (channels,),
+        )
+
+    @property
+    def num_parameters(self) -> int:
+        """Length of a genome: 4,572, or 4,873 for CarryBall."""
+        return sum(int(np.prod(shape)) for shape in self.parameter_shapes)
+
+    def check_genomes(self, genomes: Any) -> NDArray[np.float32]:
+        """Return genomes as a float32 array ``(P, num_parameters)``.
+
+        Args:
+            genomes: real numbers, shape ``(P, num_parameters)`` or ``(num_parameters,)``.
+
+        Raises:
+            GenomeError: wrong shape or dtype, or a value that is not finite in float32.
+        """
+        try:
+            array = np.asarray(genomes)
+        except (TypeError, ValueError) as error:
+            raise GenomeError(f"genomes must be an array of numbers ({error}).") from error
+        if not (np.issubdtype(array.dtype, np.floating) or np.issubdtype(array.dtype, np.integer)):
+            raise GenomeError(f"genomes must hold real numbers, got dtype {array.dtype}.")
+        array = np.atleast_2d(array)
+        if array.ndim != 2 or array.shape[1] != self.num_parameters or array.shape[0] == 0:
+            raise GenomeError(
+                f"Genomes for {self.task.name} must have shape (P, {self.num_parameters}), "
+                f"got {np.shape(genomes)}: a genome has {self.num_parameters} weights, "
+                f"this one {array.shape[-1]}."
+            )
+        with np.errstate(over="ignore"):
+            array = array.astype(np.float32)
+        bad = ~np.isfinite(array)
+        if bad.any():
+            row = int(np.flatnonzero(bad.any(axis=1))[0])
+            raise GenomeError(
+                f"Genome {row} has {int(bad[row].sum())} non-finite values among its "
+                f"{self.num_parameters} weights, the first at index {int(np.argmax(bad[row]))}; "
+                "all must be finite float32 numbers."
+            )
+        return array
+
+
+def nca_layout(task: str | Task) -> NCALayout:
+    """The layout for a task or its name; ``TaskError`` if unknown."""
+    return NCALayout(get_task(task))
+
+
+def growth_steps(grid_size: int) -> int:
+    """Growth steps that reach every cell: ``5 (n - n//2 - 1)``, 10 for 5 x 5."""
+    return 5 * (grid_size - grid_size // 2 - 1)
