@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,17 @@ class ObservationError(ValueError):
 
 
 class StateError(RuntimeError):
-    """The automaton's state is no longer finite."""
+    """The automaton's state is no longer finite in some robots.
+
+    ``robots`` holds their indices, counted over all leading axes of the bodies.
+    """
+
+    def __init__(self, robots: Sequence[int]) -> None:
+        super().__init__(
+            f"The NCA's state is no longer finite in robots {list(robots)}; "
+            "its weights are too large."
+        )
+        self.robots = tuple(robots)
 
 
 class Controller:
@@ -45,8 +56,8 @@ class Controller:
         flat = np.stack([parse_body(body) for body in bodies.reshape(-1, *bodies.shape[-2:])])
         if isinstance(nca, NCAPopulation) and (bodies.ndim < 3 or bodies.shape[0] != nca.size):
             raise BodyError(
-                f"A population of {nca.size} genomes needs bodies of shape ({nca.size}, ..., n, n), "
-                f"got {bodies.shape}."
+                f"A population of {nca.size} genomes needs bodies of shape "
+                f"({nca.size}, ..., n, n), got {bodies.shape}."
             )
         self._nca = nca
         self._seed = seed
@@ -108,7 +119,8 @@ class Controller:
             )
         if not np.isfinite(inputs).all():
             raise ObservationError(
-                f"observations must be finite, got {int((~np.isfinite(inputs)).sum())} that are not."
+                f"observations must be finite, got {np.count_nonzero(~np.isfinite(inputs))} that "
+                "are not."
             )
         sensed = torch.from_numpy(inputs.reshape(self._sensors.shape)).to(self._device)
         layout = self._nca.layout
@@ -122,6 +134,7 @@ class Controller:
                 self._state[..., changing, :, :] = updated[..., changing, :, :] * occupied
         gas = self._state[..., io, :, :] * self._wheels
         actions = np.array(gas.cpu().numpy().reshape(self._shape), dtype=np.float32)
-        if not np.isfinite(actions).all():
-            raise StateError("The NCA's state is no longer finite; check its genome.")
+        finite = torch.isfinite(self._state).flatten(-3).all(dim=-1).flatten()
+        if not finite.all():
+            raise StateError(torch.nonzero(~finite).flatten().tolist())
         return actions

@@ -32,7 +32,7 @@ class GenomeError(ValueError):
 
 @dataclass(frozen=True)
 class NCALayout:
-    """Channels of the NCA for one task, in order: body, control flag, parts, hidden, input/output."""
+    """Channels for one task, in order: body, control flag, parts, hidden, input/output."""
 
     task: Task
 

@@ -93,8 +93,8 @@ class NCA(_CellularAutomaton):
     """One neural cellular automaton: the whole genome of a robot.
 
     ``dx = conv1x1_C(relu(conv1x1_30(relu(conv3x3_30(x)))))`` with zero padding and biases. The
-    flat genome is ``parameters_to_vector(nca.parameters())``: weight and bias of each layer in turn.
-    A new NCA has torch's default random weights; ``set_genome`` replaces them.
+    flat genome is ``parameters_to_vector(nca.parameters())``: weight and bias of each layer in
+    turn. A new NCA has torch's default random weights; ``set_genome`` replaces them.
 
     Args:
         task: "light_chase", "obstacle" or "carry_ball"; sets the number of channels.

@@ -1,0 +1,20 @@
+"""Grow a modular robot from one cell, and drive it, with one neural cellular automaton."""
+
+from ncrs.control import Controller
+from ncrs.development import grow
+from ncrs.engines import Evaluation
+from ncrs.evaluation import evaluate
+from ncrs.layout import GenomeError
+from ncrs.nca import NCA, NCAPopulation
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "NCA",
+    "Controller",
+    "Evaluation",
+    "GenomeError",
+    "NCAPopulation",
+    "evaluate",
+    "grow",
+]

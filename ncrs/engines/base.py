@@ -1,0 +1,229 @@
+"""What every engine takes and returns, checked in one place."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.layout import NCALayout
+from ncrs_envs.body import body_features
+from ncrs_envs.scenario import Scenario, ScenarioError
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
+
+ScenarioRows = Sequence[Sequence[Scenario]]
+"""One row of R scenarios for all genomes, or one row per genome."""
+
+StopCheck = Callable[[], bool]
+
+INVALID_FEATURES = -1
+"""Stands in every feature of a body that the task cannot use: it has none."""
+
+
+class EngineError(RuntimeError):
+    """An engine could not finish an evaluation; the message names the genome."""
+
+
+class EvaluationInterrupted(Exception):
+    """The caller asked to stop during an evaluation."""
+
+
+class NonFiniteStateWarning(RuntimeWarning):
+    """The state of a genome's automaton turned non-finite; its fitness is NaN."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Results for P genomes in R runs each, on an n x n grid."""
+
+    fitness: NDArray[np.float64]
+    """Mean over the runs, ``(P,)``. NaN where the automaton's state turned non-finite."""
+    run_fitness: NDArray[np.float64]
+    """Mean reward over the steps of each run, ``(P, R)``; the partial credit of invalid bodies."""
+    success: NDArray[np.bool_]
+    """Whether each run ever succeeded, ``(P, R)``."""
+    crossed: NDArray[np.bool_]
+    """Whether the robot's centre was ever above y = 0, ``(P, R)``; all False outside Obstacle."""
+    bodies: NDArray[np.int8]
+    """Cell codes, ``(P, n, n)``."""
+    valid: NDArray[np.bool_]
+    """Whether the task can use the body, ``(P,)``."""
+    features: NDArray[np.int64]
+    """Sensors, wheels and cells, ``(P, 3)``; -1 where the body is invalid."""
+
+    @property
+    def env_steps(self) -> int:
+        """Environment steps that were simulated; invalid bodies take none."""
+        return int(self.valid.sum() * self.run_fitness.shape[1] * MAX_EPISODE_STEPS)
+
+
+@dataclass(frozen=True)
+class RolloutResult:
+    """What an engine has to find out; the rest of an ``Evaluation`` follows from it.
+
+    Shapes as in ``Evaluation``; rows of invalid bodies are ignored.
+    """
+
+    bodies: NDArray[np.int8]
+    run_fitness: NDArray[np.float64]
+    success: NDArray[np.bool_]
+    crossed: NDArray[np.bool_]
+
+
+class Engine(ABC):
+    """Evaluates populations; a context manager that releases its workers.
+
+    Args:
+        settings: the task with its settings.
+        workers: processes or threads; None for one per core that this process may use. Results
+            do not depend on it.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, settings: TaskSettings, workers: int | None = None) -> None:
+        self.settings = settings
+        self.layout = NCALayout(settings.task)
+        self.workers = check_workers(workers)
+
+    def evaluate(
+        self,
+        genomes: Any,
+        scenarios: Sequence[Scenario] | ScenarioRows,
+        should_stop: StopCheck | None = None,
+    ) -> Evaluation:
+        """Grow each genome's robot and drive it through its scenarios.
+
+        Args:
+            genomes: finite real numbers, shape ``(P, num_parameters)``.
+            scenarios: R scenarios for all genomes, or P rows of R.
+            should_stop: polled now and then; True ends the evaluation.
+
+        Raises:
+            GenomeError: wrong shape, or values that are not finite.
+            ScenarioError: no scenarios, rows of unequal length, or one that does not fit the task.
+            EngineError: a worker was lost.
+            EvaluationInterrupted: ``should_stop`` returned True.
+        """
+        checked = self.layout.check_genomes(genomes)
+        rows = self._check_scenarios(scenarios, len(checked))
+        result = self._rollout(checked, rows, should_stop or (lambda: False))
+        return self._evaluation(result)
+
+    @abstractmethod
+    def _rollout(
+        self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
+    ) -> RolloutResult:
+        """Roll out checked genomes; ``rows`` has one row, or one per genome."""
+
+    def _evaluation(self, result: RolloutResult) -> Evaluation:
+        task = self.settings.task
+        valid = task.is_valid(result.bodies)
+        credit = task.partial_credit(result.bodies)[:, None]
+        run_fitness = np.where(valid[:, None], result.run_fitness, credit)
+        for genome, run in np.argwhere(~np.isfinite(run_fitness)):
+            warnings.warn(
+                f"The NCA's state of genome {genome} turned non-finite in run {run}; the genome's "
+                "fitness is NaN. Its weights are too large.",
+                NonFiniteStateWarning,
+                stacklevel=3,
+            )
+        features = np.where(valid[:, None], body_features(result.bodies), INVALID_FEATURES)
+        return Evaluation(
+            fitness=run_fitness.mean(axis=1),
+            run_fitness=run_fitness,
+            success=result.success & valid[:, None],
+            crossed=result.crossed & valid[:, None] & task.has_walls,
+            bodies=result.bodies,
+            valid=valid,
+            features=features,
+        )
+
+    def _check_scenarios(
+        self, scenarios: Sequence[Scenario] | ScenarioRows, population: int
+    ) -> ScenarioRows:
+        rows: list[Any] = [scenarios] if _is_row(scenarios) else list(scenarios)
+        if not rows or not all(_is_row(row) for row in rows):
+            raise ScenarioError(
+                "scenarios must be a sequence of ncrs_envs.Scenario, or one such sequence per "
+                "genome."
+            )
+        checked: list[Sequence[Scenario]] = [list(row) for row in rows]
+        if len(checked) not in (1, population):
+            raise ScenarioError(
+                f"Give scenarios for all genomes, or one row for each of the {population}; "
+                f"got {len(checked)} rows."
+            )
+        lengths = sorted({len(row) for row in checked})
+        if len(lengths) > 1:
+            raise ScenarioError(f"Every genome needs equally many scenarios, got {lengths}.")
+        for row in checked:
+            for scenario in row:
+                scenario.check(self.settings.task, self.settings.grid_size)
+        return checked
+
+    def close(self) -> None:  # noqa: B027 - most engines hold nothing
+        """Release workers; the engine can be used again, which starts new ones."""
+
+    def __enter__(self) -> Engine:
+        return self
+
+    def __exit__(
+        self,
+        exception_type: type[BaseException] | None,
+        exception: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _is_row(value: Any) -> bool:
+    return (
+        isinstance(value, Sequence)
+        and len(value) > 0
+        and all(isinstance(item, Scenario) for item in value)
+    )
+
+
+def available_cores() -> int:
+    """Number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def check_workers(workers: Any) -> int:
+    """Return the number of workers (all cores for None), else raise ``ValueError``."""
+    if workers is None:
+        return available_cores()
+    if isinstance(workers, bool) or not isinstance(workers, int | np.integer) or workers < 1:
+        raise ValueError(f"workers must be a positive integer or None, got {workers!r}.")
+    return int(workers)
+
+
+# Module and class of each engine; imported on use, since each needs its own heavy packages.
+ENGINES: Mapping[str, tuple[str, str]] = {
+    "box2d": ("ncrs.engines.box2d", "Box2DEngine"),
+}
+
+
+def check_engine(name: str) -> str:
+    """Return ``name`` if there is such an engine, else raise ``ValueError`` naming them."""
+    if name not in ENGINES:
+        raise ValueError(f"Unknown engine {name!r}; choose one of {sorted(ENGINES)}.")
+    return name
+
+
+def make_engine(name: str, settings: TaskSettings, workers: int | None = None) -> Engine:
+    """Make the engine of that name; ``ValueError`` if there is none."""
+    module, attribute = ENGINES[check_engine(name)]
+    engine: Engine = getattr(importlib.import_module(module), attribute)(settings, workers)
+    return engine

@@ -1,0 +1,122 @@
+"""The reference engine: torch NCA and Box2D, one process per core, a genome per job."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ncrs.control import Controller, StateError
+from ncrs.development import grow
+from ncrs.engines.base import (
+    Engine,
+    EvaluationInterrupted,
+    RolloutResult,
+    ScenarioRows,
+    StopCheck,
+)
+from ncrs.engines.pool import WorkerPool
+from ncrs.nca import NCA
+from ncrs_envs.body import BodyGrid
+from ncrs_envs.episode import Episode, Robot
+from ncrs_envs.scenario import Scenario
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
+
+
+@dataclass(frozen=True)
+class _Job:
+    genome: NDArray[np.float32]
+    settings: TaskSettings
+    scenarios: Sequence[Scenario]
+
+
+@dataclass(frozen=True)
+class _GenomeResult:
+    body: BodyGrid
+    run_fitness: NDArray[np.float64]
+    success: NDArray[np.bool_]
+    crossed: NDArray[np.bool_]
+
+
+@contextmanager
+def _one_torch_thread() -> Iterator[None]:
+    """The arithmetic of a genome must not depend on how many threads share it."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+def evaluate_genome(job: _Job) -> _GenomeResult:
+    """Grow one genome's robot and drive it through its scenarios, all runs in step."""
+    with _one_torch_thread():
+        nca = NCA(job.settings.task).set_genome(job.genome)
+        body = grow(nca, job.settings.grid_size)
+        runs = len(job.scenarios)
+        fitness = np.zeros(runs)
+        if not job.settings.task.is_valid(body):
+            nothing = np.zeros(runs, dtype=np.bool_)
+            return _GenomeResult(body, fitness, nothing, nothing)
+        robot = Robot(body)
+        episodes = [Episode(job.settings, robot, scenario) for scenario in job.scenarios]
+        controller = Controller(nca, np.broadcast_to(body, (runs, *body.shape)))
+        for _ in range(MAX_EPISODE_STEPS):
+            try:
+                actions = controller.act(np.stack([e.observation for e in episodes]))
+            except StateError as error:
+                fitness[list(error.robots)] = np.nan
+                break
+            fitness += [e.step(a) for e, a in zip(episodes, actions, strict=True)]
+        return _GenomeResult(
+            body=body,
+            run_fitness=fitness / MAX_EPISODE_STEPS,
+            success=np.array([e.success for e in episodes]),
+            crossed=np.array([e.crossed for e in episodes]),
+        )
+
+
+class Box2DEngine(Engine):
+    """See ``Engine``. With one worker everything runs in this process."""
+
+    name = "box2d"
+
+    def __init__(self, settings: TaskSettings, workers: int | None = None) -> None:
+        super().__init__(settings, workers)
+        self._pool = WorkerPool(self.workers)
+
+    @property
+    def worker_pids(self) -> list[int]:
+        """Process ids of the running workers."""
+        return self._pool.pids
+
+    def _rollout(
+        self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
+    ) -> RolloutResult:
+        jobs = [
+            _Job(genome, self.settings, rows[index % len(rows)])
+            for index, genome in enumerate(genomes)
+        ]
+        if self.workers == 1:
+            results = []
+            for job in jobs:
+                if should_stop():
+                    raise EvaluationInterrupted
+                results.append(evaluate_genome(job))
+        else:
+            names = [f"genome {index}" for index in range(len(jobs))]
+            results = self._pool.map(evaluate_genome, jobs, names, should_stop)
+        return RolloutResult(
+            bodies=np.stack([r.body for r in results]),
+            run_fitness=np.stack([r.run_fitness for r in results]),
+            success=np.stack([r.success for r in results]),
+            crossed=np.stack([r.crossed for r in results]),
+        )
+
+    def close(self) -> None:
+        self._pool.close()
