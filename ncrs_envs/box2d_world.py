@@ -25,12 +25,10 @@ from ncrs_envs.physics import (
     LIGHT_RADIUS,
     WheelModel,
 )
-from ncrs_envs.scenario import Scenario, wall_quads
+from ncrs_envs.scenario import LEAST_QUAD_SIDE, Scenario, wall_quads
 
 _VELOCITY_ITERATIONS = 180
 _POSITION_ITERATIONS = 60
-# Box2D merges polygon vertices closer than this and needs three that remain.
-_LEAST_QUAD_HEIGHT = 0.01
 
 Pose = tuple[float, float, float]
 
@@ -127,9 +125,9 @@ def _fixture(shape: Box2D.b2Shape, density: float) -> Box2D.b2FixtureDef:
 
 
 def _solid_quads(scenario: Scenario, grid_size: int) -> Iterator[list[tuple[float, float]]]:
-    """The wall quads that Box2D accepts: flat ones enclose nothing, so leaving them out is exact
-    to within its own tolerance."""
+    """The wall quads that Box2D accepts: it merges vertices that nearly coincide and needs three
+    that remain, so flat quads are left out."""
     for quad in wall_quads(scenario, grid_size):
         height, width = np.ptp(quad[:, 1]), np.ptp(quad[:, 0])
-        if min(height, width) > _LEAST_QUAD_HEIGHT:
+        if min(height, width) > LEAST_QUAD_SIDE:
             yield [(float(x), float(y)) for x, y in quad]

@@ -46,6 +46,9 @@ MAX_TRANSLATION = 2.0
 MAX_ROTATION_RAD = 0.5 * np.pi
 """Largest rotation of a body in one step (Box2D's limit)."""
 
+STABILITY_TOLERANCE = 1e-9
+"""By how much a step's spectral radius may exceed 1 before wheel friction is made implicit."""
+
 
 @dataclass(frozen=True)
 class WheelModel:
@@ -67,9 +70,7 @@ class WheelModel:
     solver: NDArray[np.float64]
     """Shape ``(3, 3)``: maps an explicit wrench to the one to apply; the identity if explicit."""
 
-    def wrench(
-        self, gas: NDArray[np.float64], twist: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def wrench(self, gas: NDArray[np.float64], twist: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force x, force y and torque of all wheels over the next step, body frame.
 
         Args:
@@ -96,12 +97,10 @@ def wheel_model(body: BodyGrid) -> WheelModel:
     # Rows of the Jacobians that map the twist to a wheel's speed along each of its axes.
     forward = np.stack([zeros, ones, x], axis=0)
     side = np.stack([ones, zeros, -y], axis=0)
-    damping = (
-        WHEEL_FORWARD_FRICTION * forward @ forward.T + WHEEL_SIDE_FRICTION * side @ side.T
-    )
+    damping = WHEEL_FORWARD_FRICTION * forward @ forward.T + WHEEL_SIDE_FRICTION * side @ side.T
     inertia = np.diag([properties.mass, properties.mass, properties.inertia])
     rates = np.linalg.eigvals(np.linalg.solve(inertia, damping)).real
-    implicit = bool(np.max(np.abs(1.0 - DT * rates)) > 1.0 + 1e-9)
+    implicit = bool(np.max(np.abs(1.0 - DT * rates)) > 1.0 + STABILITY_TOLERANCE)
     solver = inertia @ np.linalg.inv(inertia + DT * damping) if implicit else np.eye(3)
     return WheelModel(
         mass_properties=properties,

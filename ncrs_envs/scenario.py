@@ -31,6 +31,8 @@ _CORNER_REGIONS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 _COLUMN_REGIONS = (-_FAR, -_NEAR, _NEAR, _FAR)
 WALL_EXTENT = 1.1
 """The walls begin at y = -1.1 P and reach out to x = -1.1 P and 1.1 P."""
+LEAST_QUAD_SIDE = 0.01
+"""Wall quads less high or wide than this enclose nothing worth colliding with."""
 _PASSAGE_RANGE = 0.8
 
 # Wall shape in multiples of the grid size n.
@@ -229,8 +231,10 @@ def _square_overlaps(center: Point, half: float, quads: NDArray[np.float64]) -> 
     x, y = center
     low, high = quads.min(axis=1), quads.max(axis=1)
     near = (
-        (low[:, 0] < x + half) & (high[:, 0] > x - half)
-        & (low[:, 1] < y + half) & (high[:, 1] > y - half)
+        (low[:, 0] < x + half)
+        & (high[:, 0] > x - half)
+        & (low[:, 1] < y + half)
+        & (high[:, 1] > y - half)
     )
     # The quads' horizontal and vertical sides are covered by the boxes; what is left is the normal
     # of the slanted edge between vertices 1 and 2.
