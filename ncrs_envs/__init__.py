@@ -11,16 +11,22 @@ from ncrs_envs.body import (
     body_to_characters,
     parse_body,
 )
+from ncrs_envs.interface import ActionError, OptionError
 from ncrs_envs.registration import register_all
 from ncrs_envs.scenario import Scenario, ScenarioError, sample_scenario, sample_scenarios
 from ncrs_envs.tasks import TASKS, Task, TaskError, get_task, playfield
+from ncrs_envs.wrappers import BodyConditionedView, FixedBodyView
 
 register_all()
 
 __all__ = [
     "TASKS",
+    "ActionError",
+    "BodyConditionedView",
     "BodyError",
     "Cell",
+    "FixedBodyView",
+    "OptionError",
     "Scenario",
     "ScenarioError",
     "Task",

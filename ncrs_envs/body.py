@@ -93,7 +93,9 @@ def parse_body(body: Any, grid_size: int | None = None) -> BodyGrid:
     try:
         grid = np.asarray(body)
     except ValueError as error:
-        raise BodyError(f"body must be a square grid; its rows differ in length ({error}).") from error
+        raise BodyError(
+            f"body must be a square grid; its rows differ in length ({error})."
+        ) from error
     if grid.dtype == object or not np.issubdtype(grid.dtype, np.integer):
         raise BodyError(
             f"body must hold integer cell codes 0 to {max(Cell)}, got dtype {grid.dtype}; "

@@ -1,4 +1,4 @@
-"""The Gymnasium environments: spaces, options, sticky bodies, info and rendering over an Episode."""
+"""The Gymnasium environments: spaces, options, sticky bodies, info and pictures of an Episode."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from ncrs_envs.body import (
     sensor_mask,
     wheel_mask,
 )
+from ncrs_envs.env_docs import CARRY_BALL_DOC, LIGHT_CHASE_DOC, OBSTACLE_DOC
 from ncrs_envs.episode import Episode, Robot
+from ncrs_envs.interface import OptionError, check_action, check_flag, check_options
 from ncrs_envs.physics import DT
 from ncrs_envs.rendering import DEFAULT_RENDER_SIZE, Scene, Window, check_render_size, draw_scene
 from ncrs_envs.scenario import (
@@ -43,27 +45,7 @@ if TYPE_CHECKING:
 else:
     _BaseEnv = gymnasium.Env
 
-RESET_OPTIONS = ("body", "region", "scenario")
 RENDER_MODES = ("human", "rgb_array")
-
-
-class OptionError(ValueError):
-    """An unknown option of ``reset``, or options that exclude each other."""
-
-
-class ActionError(ValueError):
-    """An action of the wrong shape, or with values that are not finite numbers."""
-
-
-def check_options(options: dict[str, Any] | None) -> dict[str, Any]:
-    """Return the reset options as a dict; ``OptionError`` names what is unknown or contradictory."""
-    options = options or {}
-    unknown = sorted(set(options) - set(RESET_OPTIONS))
-    if unknown:
-        raise OptionError(f"Unknown reset options {unknown}; known are {list(RESET_OPTIONS)}.")
-    if options.get("region") is not None and options.get("scenario") is not None:
-        raise OptionError("Give either region or scenario: a scenario already says where all is.")
-    return options
 
 
 class RobotEnv(_BaseEnv):
@@ -95,7 +77,7 @@ class RobotEnv(_BaseEnv):
         n = self.settings.grid_size
         self.render_mode = render_mode
         self.render_size = check_render_size(render_size)
-        self.terminate_on_success = bool(terminate_on_success)
+        self.terminate_on_success = check_flag(terminate_on_success, "terminate_on_success")
         self.observation_space = gymnasium.spaces.Box(0.0, 1.0, (n, n), np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (n, n), np.float32)
         self._robot = self._make_robot(default_body(self.task, n) if body is None else body)
@@ -105,15 +87,15 @@ class RobotEnv(_BaseEnv):
         self._window: Window | None = None
 
     @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override]
-        """The spec this was made from. Its body is kept as nested lists, so that JSON can hold it."""
+    def spec(self) -> EnvSpec | None:
+        """The spec this was made from, its arguments kept as what JSON can hold."""
         return self._spec
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        if spec is not None and spec.kwargs.get("body") is not None:
+        if spec is not None:
             spec = copy.copy(spec)
-            spec.kwargs = {**spec.kwargs, "body": parse_body(spec.kwargs["body"]).tolist()}
+            spec.kwargs = {name: _plain(name, value) for name, value in spec.kwargs.items()}
         self._spec = spec
 
     _spec: EnvSpec | None = None
@@ -148,9 +130,9 @@ class RobotEnv(_BaseEnv):
             BodyError: a malformed body, or one that the task cannot use.
             ScenarioError: an unknown region, or a scenario that does not fit.
         """
-        options = check_options(options)
+        chosen = check_options(options)
         n = self.settings.grid_size
-        body, scenario, region = (options.get(name) for name in ("body", "scenario", "region"))
+        body, scenario, region = (chosen.get(name) for name in ("body", "scenario", "region"))
         robot = self._robot if body is None else self._make_robot(body)
         if region is not None:
             check_region(region)
@@ -185,30 +167,14 @@ class RobotEnv(_BaseEnv):
         """
         if self._episode is None:
             raise ResetNeeded("Call reset() before step(): no episode has been started.")
-        self._action = self._check_action(action)
+        n = self.settings.grid_size
+        self._action = check_action(action, (n, n), "one gas value per cell")
         reward = self._episode.step(self._action)
         self._path.append(self._episode.pose[:2])
         if self.render_mode == "human":
             self.render()
         terminated = self.terminate_on_success and self._episode.success
         return self._episode.observation, reward, terminated, False, self._info(self._episode)
-
-    def _check_action(self, action: Any) -> NDArray[np.float32]:
-        n = self.settings.grid_size
-        try:
-            grid = np.asarray(action, dtype=np.float32)
-        except (TypeError, ValueError) as error:
-            raise ActionError(f"action must be a {n} x {n} grid of numbers, got {action!r}.") from error
-        if grid.shape != (n, n):
-            raise ActionError(
-                f"action must have shape ({n}, {n}), one gas value per cell, got {grid.shape}."
-            )
-        if not np.isfinite(grid).all():
-            row, column = np.argwhere(~np.isfinite(grid))[0]
-            raise ActionError(
-                f"action must be finite, got {grid[row, column]} in row {row}, column {column}."
-            )
-        return grid
 
     def _info(self, episode: Episode) -> dict[str, Any]:
         body = episode.robot.body
@@ -250,7 +216,7 @@ class RobotEnv(_BaseEnv):
             success_radius=self.settings.success_radius,
         )
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """An RGB frame ``(render_size, render_size, 3)``, or None after showing it in a window."""
         if self.render_mode is None:
             gymnasium.logger.warn(
@@ -273,125 +239,23 @@ class RobotEnv(_BaseEnv):
             self._window = None
 
 
-_DOC = """{summary}
-
-    ## Description
-    {description}
-
-    The robot is a grid of square cells, each of side 2 units: tissue, sensors and wheels, all one
-    rigid body. By default the grid is 5 x 5 and the body a small four-wheeled one; pass your own
-    with `body`. The playfield runs from -P to P on both axes, with P = max(50, 5 n + 35) for an
-    n x n grid: 60 units for 5 x 5. One step is 1/50 s.
-
-    ## Action Space
-    `Box(-1, 1, (n, n), float32)`: the gas of each cell, read in wheel cells and ignored elsewhere.
-    A wheel at gas 1 pushes forward (the body's +y) with a force of 1000 and brakes with 20 per unit
-    of speed forward, 100 per unit sideways. Values beyond [-1, 1] are clipped; NaN and infinite
-    ones are refused.
-
-    ## Observation Space
-    `Box(0, 1, (n, n), float32)`: in sensor cells `exp(-d / P)`, with d the distance from the cell's
-    centre to {sensed}; 0 elsewhere. `info` holds `body`, `sensor_mask`, `wheel_mask`, `pose`
-    (x, y, heading in radians), {distances} and `success` (so far in this episode){crossed}.
-
-    ## Rewards
-    {rewards}
-    With `distance_score="inverse_square"` the score of a distance d is `(d / P + 1)^-2` instead of
-    `exp(-d / P)`, in rewards and sensors alike.
-
-    ## Starting State
-    {start}
-    `reset(options={{"region": k}})` pins the region, `reset(options={{"scenario": scenario}})`
-    all placements, and `reset(options={{"body": grid}})` sets the body for this and later episodes.
-
-    ## Episode End
-    Termination: never, unless `terminate_on_success` is set; then as soon as {success}.
-    Truncation: after 100 steps (2 s).
-
-    ## Arguments
-    `gymnasium.make("{env_id}", body=None, grid_size=None, render_mode=None,
-    distance_score="exponential", success_radius=None, terminate_on_success=False,
-    render_size=512)`
-    - `body`: cell codes (0 empty, 1 tissue, 2 {sensor_2}, {code_3}4 wheel), as an array, nested
-      lists or rows of characters. It stays until `reset` replaces it.
-    - `grid_size`: n, at least 3; that of `body` by default, or 5.
-    - `render_mode`: None, "rgb_array" or "human".
-    - `distance_score`: "exponential" or "inverse_square".
-    - `success_radius`: units, {radius:g} by default.
-    - `terminate_on_success`: end the episode when it succeeds.
-    - `render_size`: side of a frame in pixels.
-
-    ## Version History
-    - v0: first version.
-    """
+def _plain(name: str, value: Any) -> Any:
+    """A make argument without numpy types; a body becomes nested lists of cell codes."""
+    if name == "body" and value is not None:
+        return parse_body(value).tolist()
+    return value.item() if isinstance(value, np.generic) else value
 
 
 class LightChaseEnv(RobotEnv):
-    __doc__ = _DOC.format(
-        summary="Drive to a light in the open.",
-        description="A light shines in one of four corners; the robot starts in the middle.",
-        sensed="the light's centre",
-        distances="`distance` (robot to light)",
-        crossed="",
-        rewards="`exp(-d / P)` each step, with d the distance from the robot's centre to the light.",
-        start=(
-            "The robot stands at (0, 0), heading +y. The light, a solid disc of radius 1, stands at\n"
-            "    (-+0.6 P, -+0.6 P) plus uniform noise of +-0.05 P on each axis."
-        ),
-        success="the robot's centre has come within 20 units of the light",
-        env_id=LIGHT_CHASE.env_id,
-        sensor_2="light sensor",
-        code_3="",
-        radius=LIGHT_CHASE.success_radius,
-    )
+    __doc__ = LIGHT_CHASE_DOC
     task = LIGHT_CHASE
 
 
 class ObstacleEnv(RobotEnv):
-    __doc__ = _DOC.format(
-        summary="Drive to a light through a passage between two ragged walls.",
-        description=(
-            "Two walls narrow to a passage 1.4 n units wide, which a full-width robot cannot pass;\n"
-            "    the light shines behind it."
-        ),
-        sensed="the light's centre (walls do not hide it)",
-        distances="`distance` (robot to light)",
-        crossed=", and `crossed` (the centre has been above y = 0)",
-        rewards="`exp(-d / P)` each step, with d the distance from the robot's centre to the light.",
-        start=(
-            "The robot stands at y = -0.85 P with x uniform in +-0.6 P, heading +y, clear of the\n"
-            "    walls. The light stands at x in (-0.6 P, -0.3 P, 0.3 P, 0.6 P) and y = 0.6 P, plus\n"
-            "    uniform noise of +-0.05 P on each axis. The passage's centre is uniform in +-0.8 P."
-        ),
-        success="the robot's centre has come within 20 units of the light",
-        env_id=OBSTACLE.env_id,
-        sensor_2="light sensor",
-        code_3="",
-        radius=OBSTACLE.success_radius,
-    )
+    __doc__ = OBSTACLE_DOC
     task = OBSTACLE
 
 
 class CarryBallEnv(RobotEnv):
-    __doc__ = _DOC.format(
-        summary="Push a ball to a target area.",
-        description="A light ball lies ahead of the robot, and a square target area beyond it.",
-        sensed="the ball (code 2) or the target (code 3)",
-        distances="`distance_to_ball`, `ball_to_target`",
-        crossed="",
-        rewards=(
-            "`0.5 exp(-a / P) + 0.5 exp(-b / P)` each step, with a the distance from the robot's\n"
-            "    centre to the ball and b from the ball to the target."
-        ),
-        start=(
-            "The robot stands at y = -0.85 P with x uniform in +-0.6 P, heading +y. The ball, of\n"
-            "    radius 1, lies at x in (-0.6 P, -0.3 P, 0.3 P, 0.6 P) and y = 0, plus uniform noise of\n"
-            "    +-0.05 P on each axis. The target is at one of the same four x at random, y = 0.6 P."
-        ),
-        success="the ball has come within 10 units of the target",
-        env_id=CARRY_BALL.env_id,
-        sensor_2="ball sensor",
-        code_3="3 target sensor, ",
-        radius=CARRY_BALL.success_radius,
-    )
+    __doc__ = CARRY_BALL_DOC
     task = CARRY_BALL

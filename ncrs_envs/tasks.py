@@ -99,7 +99,7 @@ class Task:
 
     def partial_credit(self, bodies: NDArray[Any]) -> NDArray[np.float64]:
         """Fitness of bodies that cannot be simulated; shapes as in ``correct_parts``."""
-        return PARTIAL_CREDIT * self.correct_parts(bodies)
+        return self.correct_parts(bodies).astype(np.float64) * PARTIAL_CREDIT
 
     def check_body(self, body: BodyGrid) -> None:
         """Raise ``BodyError`` saying which parts are missing or not allowed, and how many."""

@@ -1,0 +1,163 @@
+"""A supersampled drawing surface in world coordinates, and the colours. pygame is imported lazily.
+
+The canvas is a plain surface in memory, so that drawing needs no display.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Color = tuple[int, int, int]
+Point = tuple[float, float]
+
+# Hues from Okabe and Ito's colour-blind-safe set; what a sensor senses has the sensor's hue, and
+# shapes repeat every distinction that a colour makes.
+AMBER: Color = (240, 180, 20)
+SKY: Color = (86, 180, 233)
+GREEN: Color = (0, 190, 140)
+VERMILION: Color = (235, 105, 20)
+WHITE: Color = (240, 243, 246)
+GROUND: Color = (21, 24, 30)
+GRID: Color = (30, 34, 42)
+BORDER: Color = (92, 102, 116)
+WALL: Color = (74, 82, 95)
+WALL_EDGE: Color = (142, 151, 165)
+TISSUE: Color = (158, 167, 179)
+CELL_EDGE: Color = (44, 49, 58)
+SENSOR_BASE: Color = (58, 64, 75)
+WHEEL_BASE: Color = (10, 11, 14)
+
+_MOST_SAMPLES = 3
+_LARGEST_SURFACE = 4096
+
+
+def mix(start: Color, end: Color, share: float) -> Color:
+    """The colour ``share`` (0 to 1) of the way from ``start`` to ``end``."""
+    share = min(max(share, 0.0), 1.0)
+    red, green, blue = (round(a + (b - a) * share) for a, b in zip(start, end, strict=True))
+    return (red, green, blue)
+
+
+@dataclass(frozen=True)
+class View:
+    """Maps points of a frame (y up, units) to pixels (y down): turn, scale, then move."""
+
+    scale: float
+    """Pixels per unit."""
+    offset: Point
+    """Pixel position of the frame's origin."""
+    angle: float = 0.0
+    """Counter-clockwise turn of the frame, in radians."""
+
+    def pixel(self, point: Point) -> Point:
+        """Pixel position of a point."""
+        cos, sin = math.cos(self.angle), math.sin(self.angle)
+        x = cos * point[0] - sin * point[1]
+        y = sin * point[0] + cos * point[1]
+        return (self.offset[0] + self.scale * x, self.offset[1] - self.scale * y)
+
+    def placed(self, origin: Point, angle: float) -> View:
+        """The view of a frame that stands at ``origin``, turned by ``angle``, in this one."""
+        return View(self.scale, self.pixel(origin), self.angle + angle)
+
+
+class Canvas:
+    """A square picture, drawn larger than asked for and scaled down at the end.
+
+    Args:
+        size: side of the finished picture in pixels.
+        background: its colour.
+    """
+
+    def __init__(self, size: int, background: Color) -> None:
+        import pygame
+
+        self._draw: Any = pygame.draw
+        self._pygame: Any = pygame
+        self._size = size
+        self.samples = min(_MOST_SAMPLES, _LARGEST_SURFACE // size)
+        self.side = size * self.samples
+        self._surface: Any = pygame.Surface((self.side, self.side), depth=32)
+        self._surface.fill(background)
+
+    def fit(self, half_width: float) -> View:
+        """The view in which ``half_width`` units to each side of the origin fill the picture."""
+        return View(self.side / (2.0 * half_width), (self.side / 2.0, self.side / 2.0))
+
+    def _width(self, view: View, units: float) -> int:
+        """A line width in surface pixels, never thinner than one pixel of the finished picture."""
+        return max(self.samples, round(units * view.scale))
+
+    def polygon(self, view: View, points: Sequence[Point], color: Color) -> None:
+        """A filled polygon."""
+        self._draw.polygon(self._surface, color, [view.pixel(p) for p in points])
+
+    def box(self, view: View, center: Point, half: Point, color: Color) -> None:
+        """A filled rectangle, given its half width and half height in units."""
+        (x, y), (dx, dy) = center, half
+        corners = [(x - dx, y - dy), (x + dx, y - dy), (x + dx, y + dy), (x - dx, y + dy)]
+        self.polygon(view, corners, color)
+
+    def line(self, view: View, points: Sequence[Point], color: Color, units: float) -> None:
+        """An open line with round joints, ``units`` wide."""
+        width = self._width(view, units)
+        pixels = [view.pixel(p) for p in points]
+        for start, end in itertools.pairwise(pixels):
+            self._thick_line(start, end, color, width)
+            if width > 2 * self.samples:
+                self._draw.circle(self._surface, color, end, width / 2.0)
+
+    def _thick_line(self, start: Point, end: Point, color: Color, width: int) -> None:
+        """A rectangle along the line: pygame's own wide lines have skewed ends."""
+        dx, dy = end[0] - start[0], end[1] - start[1]
+        length = math.hypot(dx, dy)
+        if length == 0.0:
+            return
+        across_x, across_y = -dy / length * width / 2.0, dx / length * width / 2.0
+        corners = [
+            (start[0] + across_x, start[1] + across_y),
+            (end[0] + across_x, end[1] + across_y),
+            (end[0] - across_x, end[1] - across_y),
+            (start[0] - across_x, start[1] - across_y),
+        ]
+        self._draw.polygon(self._surface, color, corners)
+
+    def disc(self, view: View, center: Point, radius: float, color: Color) -> None:
+        """A filled circle."""
+        self._draw.circle(self._surface, color, view.pixel(center), radius * view.scale)
+
+    def ring(
+        self, view: View, center: Point, radius: float, color: Color, units: float, dashed: bool
+    ) -> None:
+        """A circle's outline, whole or in dashes."""
+        pieces = 48
+        step = 2.0 * math.pi / pieces
+        for k in range(0, pieces, 2 if dashed else 1):
+            angles = np.linspace(k * step, (k + 1) * step, 5)
+            arc = [(center[0] + radius * np.cos(a), center[1] + radius * np.sin(a)) for a in angles]
+            self.line(view, arc, color, units)
+
+    def glow(self, view: View, center: Point, radius: float, color: Color, strength: float) -> None:
+        """Light that fades out towards ``radius``, added to what is there."""
+        reach = max(2, round(radius * view.scale))
+        halo = self._pygame.Surface((2 * reach, 2 * reach), depth=32)
+        rings = 24
+        for k in range(rings):
+            share = k / (rings - 1)
+            tint = mix((0, 0, 0), color, strength * share**2.2)
+            self._draw.circle(halo, tint, (reach, reach), reach * (1.0 - k / rings))
+        x, y = view.pixel(center)
+        self._surface.blit(halo, (x - reach, y - reach), special_flags=self._pygame.BLEND_RGB_ADD)
+
+    def image(self) -> NDArray[np.uint8]:
+        """The finished picture, uint8 ``(size, size, 3)``."""
+        small = self._pygame.transform.smoothscale(self._surface, (self._size, self._size))
+        pixels: NDArray[np.uint8] = self._pygame.surfarray.array3d(small)
+        return np.ascontiguousarray(pixels.transpose(1, 0, 2))

@@ -1,0 +1,75 @@
+"""Checks of the reset options and actions that every environment of the suite accepts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+RESET_OPTIONS = ("body", "region", "scenario")
+
+
+class OptionError(ValueError):
+    """An unknown or malformed option, or options that exclude each other."""
+
+
+class ActionError(ValueError):
+    """An action of the wrong shape, or with values that are not finite numbers."""
+
+
+def check_options(options: Any) -> Mapping[str, Any]:
+    """Return the options of ``reset`` as a mapping, empty for None.
+
+    Raises:
+        OptionError: not a mapping, an unknown name, or both a region and a scenario.
+    """
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise OptionError(
+            f"options must be a dict with keys from {list(RESET_OPTIONS)}, "
+            f"got {type(options).__name__}."
+        )
+    unknown = sorted(str(name) for name in set(options) - set(RESET_OPTIONS))
+    if unknown:
+        raise OptionError(f"Unknown reset options {unknown}; known are {list(RESET_OPTIONS)}.")
+    if options.get("region") is not None and options.get("scenario") is not None:
+        raise OptionError("Give either region or scenario: a scenario already says where all is.")
+    return options
+
+
+def check_flag(value: Any, name: str) -> bool:
+    """Return ``value`` as a bool, or raise ``OptionError`` if it is not one."""
+    if not isinstance(value, bool | np.bool_):
+        raise OptionError(f"{name} must be True or False, got {value!r}.")
+    return bool(value)
+
+
+def check_action(action: Any, shape: tuple[int, ...], meaning: str) -> NDArray[np.float32]:
+    """Return an action as a new float32 array; values beyond float32 become its largest.
+
+    Args:
+        action: array or nested lists of real numbers.
+        shape: the shape it must have.
+        meaning: what one value stands for, for the message.
+
+    Raises:
+        ActionError: not numbers, another shape, or values that are not finite.
+    """
+    try:
+        raw = np.asarray(action)
+    except ValueError as error:
+        raise ActionError(
+            f"action must be an array of shape {shape}; its rows differ in length ({error})."
+        ) from error
+    if raw.dtype.kind not in "fiub":
+        raise ActionError(f"action must hold real numbers, got dtype {raw.dtype}.")
+    if raw.shape != shape:
+        raise ActionError(f"action must have shape {shape}, {meaning}, got {raw.shape}.")
+    if not np.isfinite(raw).all():
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(raw))[0])
+        raise ActionError(f"action must be finite, got {raw[index]} at index {index}.")
+    limit = float(np.finfo(np.float32).max)
+    return np.asarray(np.clip(raw, -limit, limit), dtype=np.float32)
