@@ -1,0 +1,162 @@
+"""Checkpoints: nested dicts of arrays and JSON values in one file, written atomically.
+
+A file is an uncompressed ``.npz``: the arrays, and one JSON text that holds all else. Reading it
+executes nothing, and the archive's checksums recognise truncated or altered files.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import tempfile
+import warnings
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+_JSON_MEMBER = "json"
+_ARRAY_KEY = "__array__"
+_PATTERN = "generation_*.npz"
+_KEPT = 2
+
+
+class CheckpointError(RuntimeError):
+    """A checkpoint that cannot be written or read."""
+
+
+class CheckpointWarning(UserWarning):
+    """A damaged checkpoint was passed over for an older one."""
+
+
+def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
+    """Write a file so that at any moment the old or the new one is there, whole.
+
+    Raises:
+        CheckpointError: the disk is full, or the folder cannot be written; the old file is intact.
+    """
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        temporary = Path(name)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                write(stream)
+                stream.flush()
+                os.fsync(stream.fileno())
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+        _sync_folder(path.parent)
+    except OSError as error:
+        raise CheckpointError(
+            f"Could not write {path}: {error.strerror or error}. What was there before is intact; "
+            "free space or change permissions and continue."
+        ) from error
+
+
+def _sync_folder(folder: Path) -> None:
+    if not hasattr(os, "O_DIRECTORY"):  # Windows cannot open folders
+        return
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a value as indented JSON, atomically."""
+    text = json.dumps(value, indent=2) + "\n"
+    write_atomically(path, lambda stream: stream.write(text.encode()))
+
+
+def write_state(path: Path, state: dict[str, Any]) -> None:
+    """Write a nested dict of arrays and JSON values, atomically.
+
+    Raises:
+        CheckpointError: it could not be written.
+        TypeError: the state holds something else.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    text = json.dumps(_take_arrays(state, arrays))
+    arrays[_JSON_MEMBER] = np.frombuffer(text.encode(), dtype=np.uint8)
+    write_atomically(path, lambda stream: np.savez(stream, **arrays))
+
+
+def read_state(path: Path) -> dict[str, Any]:
+    """Read what ``write_state`` wrote.
+
+    Raises:
+        CheckpointError: the file is missing, truncated, altered, or something else.
+    """
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        state: dict[str, Any] = _put_arrays(json.loads(arrays[_JSON_MEMBER].tobytes()), arrays)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise CheckpointError(f"{path} is not a whole checkpoint: {error}.") from error
+    return state
+
+
+def _take_arrays(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
+    if isinstance(value, np.ndarray):
+        if value.dtype == object:
+            raise TypeError("A checkpoint cannot hold arrays of Python objects.")
+        name = f"array{len(arrays)}"
+        arrays[name] = value
+        return {_ARRAY_KEY: name}
+    if isinstance(value, dict):
+        return {key: _take_arrays(item, arrays) for key, item in value.items()}
+    return value
+
+
+def _put_arrays(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
+    if isinstance(value, dict):
+        if set(value) == {_ARRAY_KEY}:
+            return arrays[value[_ARRAY_KEY]]
+        return {key: _put_arrays(item, arrays) for key, item in value.items()}
+    return value
+
+
+class CheckpointFolder:
+    """The newest two checkpoints of a run."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def paths(self) -> list[Path]:
+        """Existing checkpoints, newest first."""
+        return sorted(self.folder.glob(_PATTERN), reverse=True)
+
+    def save(self, generation: int, state: dict[str, Any]) -> Path:
+        """Write the state from which ``generation`` starts; drop all but the newest two."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        path = self.folder / f"generation_{generation:08d}.npz"
+        write_state(path, state)
+        for old in self.paths()[_KEPT:]:
+            old.unlink()
+        return path
+
+    def load(self) -> dict[str, Any]:
+        """Read the newest whole checkpoint; warn about each damaged one that is passed over.
+
+        Raises:
+            CheckpointError: there is none.
+        """
+        damaged = []
+        for path in self.paths():
+            try:
+                state = read_state(path)
+            except CheckpointError as error:
+                damaged.append(str(error))
+                continue
+            for message in damaged:
+                warnings.warn(f"{message} Going on from {path.name}.", CheckpointWarning, 2)
+            return state
+        if damaged:
+            raise CheckpointError(f"No whole checkpoint in {self.folder}: {' '.join(damaged)}")
+        raise CheckpointError(f"No checkpoint in {self.folder}: the run was not started there.")

@@ -1,0 +1,175 @@
+"""What every optimizer does, with the checks that they share."""
+
+from __future__ import annotations
+
+import importlib
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+State = dict[str, Any]
+"""Arrays, and values that JSON can hold: what a checkpoint stores."""
+
+Genomes = NDArray[np.float64]
+Fitness = NDArray[np.float64]
+
+
+class OptimizerError(ValueError):
+    """A setting out of range, or ask, tell and state used in a way that cannot be meant."""
+
+
+class Optimizer(ABC):
+    """Proposes populations and learns from their fitness, which is maximised.
+
+    Args:
+        dimension: length N of a genome.
+        seed: of the optimizer's own generator, its only source of randomness.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, dimension: int, seed: np.random.SeedSequence) -> None:
+        if dimension < 1:
+            raise OptimizerError(f"dimension must be at least 1, got {dimension}.")
+        self.dimension = dimension
+        self._generator = np.random.Generator(np.random.PCG64(seed))
+        # The generator as it was before a population was asked for that has not been told: from
+        # there asking again gives the same population.
+        self._before_ask: dict[str, Any] | None = None
+        self._asked: Genomes | None = None
+
+    def ask(self) -> Genomes:
+        """The next population, float64 ``(P, N)``; asking again before telling is an error."""
+        if self._asked is not None:
+            raise OptimizerError(
+                f"ask() was called twice: first tell() the {len(self._asked)} fitness values of "
+                "the population that was asked for."
+            )
+        self._before_ask = _plain(self._generator.bit_generator.state)
+        self._asked = self._ask()
+        return self._asked
+
+    def tell(self, fitness: Fitness) -> None:
+        """Learn from the fitness of the last population.
+
+        Args:
+            fitness: one value per genome, shape ``(P,)``, larger is better. NaN ranks worst.
+
+        Raises:
+            OptimizerError: nothing was asked, another number of values, an infinite value, or
+                nothing but NaN. The state is untouched.
+        """
+        if self._asked is None:
+            raise OptimizerError("tell() was called before ask(): there is no population to judge.")
+        values = np.asarray(fitness, dtype=np.float64)
+        if values.shape != (len(self._asked),):
+            raise OptimizerError(
+                f"tell() needs {len(self._asked)} fitness values, one per genome asked for, "
+                f"got shape {values.shape}."
+            )
+        if np.isinf(values).any():
+            raise OptimizerError(
+                f"Fitness must not be infinite; it is for genomes "
+                f"{np.flatnonzero(np.isinf(values)).tolist()}."
+            )
+        if np.isnan(values).all():
+            raise OptimizerError(f"All {len(values)} fitness values are NaN.")
+        asked, self._asked, self._before_ask = self._asked, None, None
+        self._tell(asked, _rank_nan_worst(values))
+
+    def state(self) -> State:
+        """All that the future depends on. With a population pending, the state from which ``ask``
+        proposes that population again."""
+        generator = self._before_ask or _plain(self._generator.bit_generator.state)
+        return {
+            "optimizer": self.name,
+            "dimension": self.dimension,
+            "settings": self.settings,
+            "generator": generator,
+            **self._state(),
+        }
+
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Continue from a ``state``.
+
+        Raises:
+            OptimizerError: the state is of another optimizer, size or setting; nothing is changed.
+        """
+        own = {"optimizer": self.name, "dimension": self.dimension, "settings": self.settings}
+        for key, value in own.items():
+            if state.get(key) != value:
+                raise OptimizerError(
+                    f"Cannot continue: the state's {key} is {state.get(key)!r}, this optimizer's "
+                    f"is {value!r}."
+                )
+        self._load_state(state)
+        self._generator.bit_generator.state = state["generator"]
+        self._asked = None
+        self._before_ask = None
+
+    @property
+    @abstractmethod
+    def settings(self) -> dict[str, Any]:
+        """The settings that must agree for a state to be loaded, as JSON can hold them."""
+
+    @property
+    @abstractmethod
+    def mean(self) -> NDArray[np.float64]:
+        """The search distribution's mean, ``(N,)``: a candidate of its own, often the best."""
+
+    @abstractmethod
+    def metrics(self) -> dict[str, float]:
+        """Numbers worth a curve, such as sigma and the condition number."""
+
+    @abstractmethod
+    def _ask(self) -> Genomes: ...
+
+    @abstractmethod
+    def _tell(self, asked: Genomes, fitness: Fitness) -> None: ...
+
+    @abstractmethod
+    def _state(self) -> State: ...
+
+    @abstractmethod
+    def _load_state(self, state: Mapping[str, Any]) -> None: ...
+
+
+def _rank_nan_worst(fitness: Fitness) -> Fitness:
+    nan = np.isnan(fitness)
+    if not nan.any():
+        return fitness
+    return np.where(nan, np.nanmin(fitness) - 1.0, fitness)
+
+
+def _plain(state: Any) -> Any:
+    """A bit generator's state as JSON can hold it."""
+    if isinstance(state, Mapping):
+        return {key: _plain(value) for key, value in state.items()}
+    return state.item() if isinstance(state, np.generic) else state
+
+
+# Module and class of each optimizer, and the settings that its name stands for.
+OPTIMIZERS: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
+    "cma_es": ("ncrs.optimizers.cma_es", "CMAES", {"diagonal": False}),
+    "sep_cma_es": ("ncrs.optimizers.cma_es", "CMAES", {"diagonal": True}),
+}
+
+
+def check_optimizer(name: str) -> str:
+    """Return ``name`` if there is such an optimizer, else raise ``OptimizerError``."""
+    if name not in OPTIMIZERS:
+        raise OptimizerError(f"Unknown optimizer {name!r}; choose one of {sorted(OPTIMIZERS)}.")
+    return name
+
+
+def make_optimizer(
+    name: str, dimension: int, seed: np.random.SeedSequence, **settings: Any
+) -> Optimizer:
+    """Make the optimizer of that name; ``OptimizerError`` if there is none."""
+    module, attribute, fixed = OPTIMIZERS[check_optimizer(name)]
+    cls = getattr(importlib.import_module(module), attribute)
+    optimizer: Optimizer = cls(dimension, seed, **fixed, **settings)
+    return optimizer

@@ -1,0 +1,164 @@
+"""The settings of a training run: plain records with their checks, and their JSON form.
+
+``ncrs.config`` gives them to Hydra; nothing here needs it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from ncrs.checkpoint import write_json
+from ncrs.engines.base import check_engine, check_workers
+from ncrs.optimizers.base import check_optimizer
+from ncrs_envs.body import DEFAULT_GRID_SIZE
+from ncrs_envs.tasks import TaskSettings, task_settings
+
+SETTINGS_FILE = "config.json"
+
+
+class ConfigError(ValueError):
+    """A setting that is unknown or out of range."""
+
+
+@dataclass
+class TaskConfig:
+    """Which task, on which grid."""
+
+    name: str = "light_chase"
+    grid_size: int = DEFAULT_GRID_SIZE
+    distance_score: str = "exponential"
+    success_radius: float | None = None
+
+
+@dataclass
+class OptimizerConfig:
+    """Which optimizer; see ``CMAES`` for what the settings mean."""
+
+    name: str = "sep_cma_es"
+    sigma: float = 0.03
+    population: int = 112
+    told_popsize: bool = True
+
+
+@dataclass
+class EngineConfig:
+    """Which engine; ``workers`` null means one per core."""
+
+    name: str = "box2d"
+    workers: int | None = None
+
+
+@dataclass
+class TrainConfig:
+    """All settings of a run."""
+
+    task: TaskConfig = field(default_factory=TaskConfig)
+    optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
+    engine: EngineConfig = field(default_factory=EngineConfig)
+    seed: int = 0
+    generations: int = 100
+    runs: int = 12
+    """Scenarios per evaluation."""
+    common_scenarios: bool = True
+    """Whether a generation's genomes share their scenarios (common random numbers)."""
+    champion_every: int = 10
+    """Generations between two re-evaluations of the candidates for champion."""
+    champion_runs: int = 48
+    """Scenarios of such a re-evaluation, the same for the whole run."""
+    checkpoint_seconds: float = 30.0
+    """Seconds between two checkpoints; 0 writes one every generation."""
+    resume: str | None = None
+    """Folder of a run to continue."""
+
+    def task_settings(self) -> TaskSettings:
+        """The task with its settings, checked."""
+        task = self.task
+        return task_settings(task.name, task.grid_size, task.distance_score, task.success_radius)
+
+    def check(self) -> TrainConfig:
+        """Return this if all values are in range, else raise ``ConfigError``."""
+        try:
+            self.task_settings()
+            check_optimizer(self.optimizer.name)
+            check_engine(self.engine.name)
+            check_workers(self.engine.workers)
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+        least = {
+            "seed": (self.seed, 0),
+            "generations": (self.generations, 1),
+            "runs": (self.runs, 1),
+            "champion_every": (self.champion_every, 1),
+            "champion_runs": (self.champion_runs, 1),
+            "checkpoint_seconds": (self.checkpoint_seconds, 0),
+            "optimizer.population": (self.optimizer.population, 2),
+        }
+        for name, (value, bound) in least.items():
+            if not value >= bound:
+                raise ConfigError(f"{name} must be at least {bound}, got {value!r}.")
+        if not 0 < self.optimizer.sigma < float("inf"):
+            raise ConfigError(
+                f"optimizer.sigma must be positive and finite, got {self.optimizer.sigma!r}."
+            )
+        return self
+
+
+def setting_names(config: type = TrainConfig, prefix: str = "") -> list[str]:
+    """Dotted names of all settings."""
+    hints = get_type_hints(config)
+    names = []
+    for item in fields(config):
+        kind = hints[item.name]
+        if is_dataclass(kind):
+            names += setting_names(kind, f"{prefix}{item.name}.")  # type: ignore[arg-type]
+        else:
+            names.append(prefix + item.name)
+    return names
+
+
+def check_setting_name(name: str, known: Iterable[str]) -> None:
+    """Raise ``ConfigError`` with the known names, and the closest, unless ``name`` is one."""
+    known = list(known)
+    if name not in known:
+        close = difflib.get_close_matches(name, known, n=1)
+        hint = f" Did you mean {close[0]}?" if close else ""
+        raise ConfigError(f"Unknown setting {name!r}.{hint} Known are: {', '.join(known)}.")
+
+
+def config_from_dict(values: Mapping[str, Any]) -> TrainConfig:
+    """Build a checked config from nested dicts; ``ConfigError`` names what is unknown."""
+    parts = {"task": TaskConfig, "optimizer": OptimizerConfig, "engine": EngineConfig}
+    arguments: dict[str, Any] = {}
+    for key, value in values.items():
+        check_setting_name(key, (item.name for item in fields(TrainConfig)))
+        if key in parts:
+            for name in value:
+                check_setting_name(name, (item.name for item in fields(parts[key])))
+            arguments[key] = parts[key](**value)
+        else:
+            arguments[key] = value
+    return TrainConfig(**arguments).check()
+
+
+def save_config(config: TrainConfig, run_dir: Path) -> None:
+    """Write a run's settings into its folder."""
+    values = asdict(config)
+    del values["resume"]
+    write_json(run_dir / SETTINGS_FILE, values)
+
+
+def load_config(run_dir: Path) -> TrainConfig:
+    """Read a run's settings; ``ConfigError`` if the folder holds no run."""
+    path = run_dir / SETTINGS_FILE
+    if not path.is_file():
+        raise ConfigError(f"{run_dir} holds no run: there is no {SETTINGS_FILE} in it.")
+    try:
+        values = json.loads(path.read_text())
+    except ValueError as error:
+        raise ConfigError(f"{path} is not valid JSON: {error}.") from error
+    return config_from_dict(values)
