@@ -13,7 +13,7 @@ from ncrs_envs.body import BodyError, BodyGrid, Cell, parse_body, sensor_mask, w
 from ncrs_envs.interface import check_action, check_options
 
 Grid = NDArray[np.float32]
-Observation = dict[str, NDArray[Any]]
+Observation = dict[str, Any]
 
 if TYPE_CHECKING:
     _GridEnv = gymnasium.Env[Grid, Grid]
