@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import json
 import os
-import tempfile
 import warnings
 import zipfile
 from collections.abc import Callable
@@ -23,6 +22,7 @@ _JSON_MEMBER = "json"
 _ARRAY_KEY = "__array__"
 _PATTERN = "generation_*.npz"
 _KEPT = 2
+_TEMPORARY = ".tmp"
 
 
 class CheckpointError(RuntimeError):
@@ -40,10 +40,10 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
         CheckpointError: the disk is full, or the folder cannot be written; the old file is intact.
     """
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        temporary = Path(name)
+        # One name: what a killed process left behind is overwritten, not collected.
+        temporary = path.with_name(f".{path.name}{_TEMPORARY}")
         try:
-            with os.fdopen(handle, "wb") as stream:
+            with temporary.open("wb") as stream:
                 write(stream)
                 stream.flush()
                 os.fsync(stream.fileno())
@@ -84,7 +84,7 @@ def write_state(path: Path, state: dict[str, Any]) -> None:
     arrays: dict[str, NDArray[Any]] = {}
     text = json.dumps(_take_arrays(state, arrays))
     arrays[_JSON_MEMBER] = np.frombuffer(text.encode(), dtype=np.uint8)
-    write_atomically(path, lambda stream: np.savez(stream, **arrays))
+    write_atomically(path, lambda stream: np.savez(stream, **arrays))  # type: ignore[arg-type]
 
 
 def read_state(path: Path) -> dict[str, Any]:
@@ -111,6 +111,8 @@ def _take_arrays(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
         return {_ARRAY_KEY: name}
     if isinstance(value, dict):
         return {key: _take_arrays(item, arrays) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_take_arrays(item, arrays) for item in value]
     return value
 
 
@@ -119,6 +121,8 @@ def _put_arrays(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
         if set(value) == {_ARRAY_KEY}:
             return arrays[value[_ARRAY_KEY]]
         return {key: _put_arrays(item, arrays) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_put_arrays(item, arrays) for item in value]
     return value
 
 
@@ -135,6 +139,8 @@ class CheckpointFolder:
     def save(self, generation: int, state: dict[str, Any]) -> Path:
         """Write the state from which ``generation`` starts; drop all but the newest two."""
         self.folder.mkdir(parents=True, exist_ok=True)
+        for unfinished in self.folder.glob(f".*{_TEMPORARY}"):
+            unfinished.unlink()  # left by a process that was killed while it wrote
         path = self.folder / f"generation_{generation:08d}.npz"
         write_state(path, state)
         for old in self.paths()[_KEPT:]:

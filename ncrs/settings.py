@@ -43,6 +43,7 @@ class OptimizerConfig:
     sigma: float = 0.03
     population: int = 112
     told_popsize: bool = True
+    step_size: str = "csa"
 
 
 @dataclass

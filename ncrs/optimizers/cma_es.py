@@ -17,6 +17,9 @@ with warnings.catch_warnings():
     # pycma warns on import about plotting packages that only its own figures need.
     warnings.simplefilter("ignore")
     import cma
+    from cma.sigma_adaptation import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA
+
+STEP_SIZES = {"csa": CMAAdaptSigmaCSA, "tpa": CMAAdaptSigmaTPA}
 
 
 class CMAES(Optimizer):
@@ -30,6 +33,8 @@ class CMAES(Optimizer):
         told_popsize: whether pycma knows the population size. If not, as in the published runs,
             its recombination uses the ``2 + 1.5 ln N`` best (14 at N = 4,572) of the population
             rather than half of it: a higher selection pressure.
+        step_size: how sigma adapts: "csa" (cumulative path length, as in the paper's time) or
+            "tpa" (two-point adaptation, newer pycma's choice for many dimensions).
         diagonal: learn variances only (separable CMA-ES): linear instead of quadratic memory and
             faster learning rates.
     """
@@ -44,6 +49,7 @@ class CMAES(Optimizer):
         sigma: float = 0.01,
         population: int = 112,
         told_popsize: bool = True,
+        step_size: str = "csa",
         diagonal: bool = False,
     ) -> None:
         super().__init__(dimension, seed)
@@ -51,11 +57,17 @@ class CMAES(Optimizer):
             raise OptimizerError(f"sigma must be positive and finite, got {sigma!r}.")
         if population < 2:
             raise OptimizerError(f"population must be at least 2, got {population!r}.")
+        if step_size not in STEP_SIZES:
+            raise OptimizerError(
+                f"step_size must be one of {sorted(STEP_SIZES)}, got {step_size!r}."
+            )
         self._sigma0 = float(sigma)
+        self._step_size = step_size
         self._population = int(population)
         self._told_popsize = bool(told_popsize)
         self._diagonal = bool(diagonal)
         self._es = self._make()
+        self._unasked: State = {}
         parents = int(self._es.sp.weights.mu)
         if parents > population:
             raise OptimizerError(
@@ -69,6 +81,7 @@ class CMAES(Optimizer):
             "seed": float("nan"),
             "randn": lambda *shape: self._generator.standard_normal(shape),
             "CMA_diagonal": self._diagonal,
+            "AdaptSigma": STEP_SIZES[self._step_size],
             "verbose": -9,
             "verb_disp": 0,
             "verb_log": 0,
@@ -85,6 +98,7 @@ class CMAES(Optimizer):
             "sigma": self._sigma0,
             "population": self._population,
             "told_popsize": self._told_popsize,
+            "step_size": self._step_size,
             "diagonal": self._diagonal,
         }
 
@@ -106,6 +120,8 @@ class CMAES(Optimizer):
         return {"sigma": self.sigma, "condition_number": condition}
 
     def _ask(self) -> Genomes:
+        # Asking uses some of the state up, but of the sampler only its lazy decomposition.
+        self._unasked = capture(self._es, sampler=False)
         return np.array(self._es.ask(self._population), dtype=np.float64)
 
     def _tell(self, asked: Genomes, fitness: Fitness) -> None:
@@ -115,7 +131,8 @@ class CMAES(Optimizer):
             self._es.tell(list(asked), (-fitness).tolist())
 
     def _state(self) -> State:
-        return {"es": capture(self._es)}
+        state = capture(self._es)
+        return {"es": state if self._asked is None else {**state, **self._unasked}}
 
     def _load_state(self, state: Mapping[str, Any]) -> None:
         fresh = self._make()

@@ -23,6 +23,7 @@ _LEFT_OUT = frozenset(
         "B", "C", "D", "dC", "_parameters", "_lam", "_mueff", "randn",
     }
 )  # fmt: skip
+_SAMPLER = "sm"
 _SAMPLER_MATRICES = frozenset({"B", "C", "D"})
 
 
@@ -35,40 +36,48 @@ def _is_pycma_object(value: Any) -> bool:
 
 
 def _is_plain(value: Any) -> bool:
-    if value is None or isinstance(value, bool | int | float | str | np.generic):
+    if value is None or isinstance(value, bool | int | float | str | np.generic | np.ndarray):
         return True
     return isinstance(value, list | tuple) and all(_is_plain(item) for item in value)
 
 
 def _members(owner: Any, name: str) -> Iterator[tuple[str, Any]]:
-    kept = _SAMPLER_MATRICES if name == "sm" else frozenset()
+    kept = _SAMPLER_MATRICES if name == _SAMPLER else frozenset()
     for key, value in vars(owner).items():
         if key in kept or key not in _LEFT_OUT:
             yield key, value
 
 
-def _as_json(value: Any) -> Any:
+def _copy(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        # The memory layout stays: products with the eigenvectors round differently in another.
+        return value.copy(order="K")
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, list | tuple):
-        return [_as_json(item) for item in value]
+        return [_copy(item) for item in value]
     return value
 
 
-def capture(strategy: Any) -> dict[str, Any]:
-    """Copy a strategy's state into nested dicts of arrays and JSON values."""
-    return _capture(strategy, "")
+def capture(strategy: Any, *, sampler: bool = True) -> dict[str, Any]:
+    """Copy a strategy's state into nested dicts of arrays and JSON values.
+
+    Args:
+        strategy: a ``cma.CMAEvolutionStrategy``.
+        sampler: whether to include the sampler, which holds nearly all the memory.
+    """
+    state = _capture(strategy, "")
+    if sampler:
+        state[_SAMPLER] = _capture(strategy.sm, _SAMPLER)
+    return state
 
 
 def _capture(owner: Any, name: str) -> dict[str, Any]:
     state: dict[str, Any] = {}
     for key, value in _members(owner, name):
-        if isinstance(value, np.ndarray):
-            # The memory layout stays: products with the eigenvectors round differently in another.
-            state[key] = value.copy(order="K")
-        elif _is_plain(value):
-            state[key] = _as_json(value)
-        elif _is_pycma_object(value):
+        if _is_plain(value):
+            state[key] = _copy(value)
+        elif _is_pycma_object(value) and key != _SAMPLER:
             state[key] = _capture(value, key)
     return state
 
@@ -94,7 +103,5 @@ def _restore(owner: Any, state: dict[str, Any], name: str) -> None:
                     "continue with the version that wrote it."
                 )
             _restore(members[key], value, key)
-        elif isinstance(value, np.ndarray):
-            setattr(owner, key, value.copy(order="K"))
         else:
-            setattr(owner, key, value)
+            setattr(owner, key, _copy(value))

@@ -1,0 +1,130 @@
+"""What a run reports while it runs: TensorBoard curves and a progress bar."""
+
+from __future__ import annotations
+
+import json
+import platform
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from types import TracebackType
+
+import numpy as np
+from torch.utils.tensorboard import SummaryWriter
+from tqdm import tqdm
+
+from ncrs.champion import Champion
+from ncrs.engines.base import Evaluation
+from ncrs.settings import TrainConfig
+
+_PACKAGES = ("torch", "numpy", "gymnasium", "cma")
+_BAR_SECONDS_WITHOUT_TERMINAL = 15.0
+
+
+class PhaseTimer:
+    """Seconds spent in each phase of a generation."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Count the time of the block to that phase."""
+        start = perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + perf_counter() - start
+
+    def take(self) -> dict[str, float]:
+        """The seconds so far, which start again at zero."""
+        seconds, self.seconds = self.seconds, {}
+        return seconds
+
+
+def versions() -> dict[str, str]:
+    """Versions of what decides a run's numbers."""
+    return {
+        "python": platform.python_version(),
+        **{name: version(name) for name in _PACKAGES},
+    }
+
+
+def generation_metrics(evaluation: Evaluation) -> dict[str, float]:
+    """Curves that one generation's evaluation gives; NaN fitness is counted, not averaged."""
+    fitness = evaluation.fitness[np.isfinite(evaluation.fitness)]
+    best = int(np.nanargmax(evaluation.fitness))
+    return {
+        "fitness/best": float(fitness.max()),
+        "fitness/mean": float(fitness.mean()),
+        "fitness/median": float(np.median(fitness)),
+        "fitness/std": float(fitness.std()),
+        "fitness/nan": float(len(evaluation.fitness) - len(fitness)),
+        "success/best": float(evaluation.success[best].mean()),
+        "success/mean": float(evaluation.success.mean()),
+        "bodies/valid": float(evaluation.valid.mean()),
+        "bodies/cells_of_best": float(max(evaluation.features[best, 2], 0)),
+    }
+
+
+class RunLog:
+    """TensorBoard and progress bar of one run; a context manager.
+
+    Args:
+        run_dir: folder of the event files.
+        config: written as text with the versions.
+        start: first generation; what TensorBoard has from there on is dropped.
+    """
+
+    def __init__(self, run_dir: Path, config: TrainConfig, start: int) -> None:
+        self._writer = SummaryWriter(str(run_dir), purge_step=start if start else None)
+        if start == 0:
+            self._text("config", asdict(config))
+            self._text("versions", versions())
+        terminal = sys.stderr.isatty()
+        self._bar = tqdm(
+            total=config.generations,
+            initial=start,
+            unit="gen",
+            desc=config.task.name,
+            mininterval=0.1 if terminal else _BAR_SECONDS_WITHOUT_TERMINAL,
+            dynamic_ncols=terminal,
+        )
+
+    def _text(self, tag: str, value: Mapping[str, object]) -> None:
+        block = "\n".join("    " + line for line in json.dumps(value, indent=2).splitlines())
+        self._writer.add_text(tag, block, 0)
+
+    def generation(self, index: int, metrics: Mapping[str, float], best: float) -> None:
+        """Record one generation.
+
+        Args:
+            index: its number, from 0.
+            metrics: value of each curve.
+            best: best training fitness so far, for the bar.
+        """
+        for tag, value in metrics.items():
+            self._writer.add_scalar(tag, value, index)
+        self._bar.set_postfix(best=f"{best:.4f}", refresh=False)
+        self._bar.update()
+
+    def champion(self, index: int, champion: Champion) -> None:
+        """Record the champion after generation ``index``."""
+        self._writer.add_scalar("champion/fitness", champion.fitness, index)
+        self._writer.add_scalar("champion/success", champion.success, index)
+
+    def __enter__(self) -> RunLog:
+        return self
+
+    def __exit__(
+        self,
+        exception_type: type[BaseException] | None,
+        exception: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._bar.close()
+        self._writer.close()

@@ -1,0 +1,283 @@
+"""The training loop: the one place where evaluation meets optimizer. Source: paper section 5."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from filelock import FileLock, Timeout
+
+from ncrs.champion import CHAMPION_FILE, Champion
+from ncrs.checkpoint import CheckpointFolder
+from ncrs.engines.base import EngineError, Evaluation, EvaluationInterrupted, make_engine
+from ncrs.layout import nca_layout
+from ncrs.logs import PhaseTimer, RunLog, generation_metrics, versions
+from ncrs.optimizers.base import Genomes, OptimizerError, make_optimizer
+from ncrs.settings import ConfigError, TrainConfig, save_config
+from ncrs.signals import StopRequest
+from ncrs_envs.scenario import Scenario, sample_scenarios
+
+CHECKPOINT_FOLDER = "checkpoints"
+_LOCK_FILE = ".lock"
+
+# First keys of the streams that a run's seed is split into.
+_OPTIMIZER_STREAM, _SCENARIO_STREAM, _CHAMPION_STREAM = range(3)
+
+
+class RunError(RuntimeError):
+    """A run that cannot be started or continued in the folder given."""
+
+
+@dataclass(frozen=True)
+class TrainingResult:
+    """How a run ended."""
+
+    run_dir: Path
+    generation: int
+    """Generations done."""
+    best_fitness: float
+    """Best fitness of any genome in any generation: a lucky draw, on its own scenarios."""
+    champion: Champion | None
+    """The best re-evaluated genome; None if the run was stopped before the first round."""
+    evaluations: int
+    env_steps: int
+    seconds: float
+    stopped_by: signal.Signals | None
+    """The signal that ended the run early; None if it finished."""
+
+
+class Trainer:
+    """A run in a folder: evolve, log, checkpoint.
+
+    Args:
+        config: checked settings.
+        run_dir: the run's folder, made if missing.
+
+    Raises:
+        RunError: another process writes there; or the folder holds a run and ``config.resume`` is
+            not set; or it holds none and ``config.resume`` is set.
+        CheckpointError: no checkpoint is whole.
+    """
+
+    def __init__(self, config: TrainConfig, run_dir: Path) -> None:
+        self._config = config.check()
+        self._run_dir = run_dir
+        self._settings = config.task_settings()
+        dimension = nca_layout(self._settings.task).num_parameters
+        self._optimizer = make_optimizer(
+            config.optimizer.name,
+            dimension,
+            self._stream(_OPTIMIZER_STREAM),
+            sigma=config.optimizer.sigma,
+            population=config.optimizer.population,
+            told_popsize=config.optimizer.told_popsize,
+            step_size=config.optimizer.step_size,
+        )
+        self._champion_scenarios = sample_scenarios(
+            self._settings.task,
+            self._stream(_CHAMPION_STREAM),
+            config.champion_runs,
+            self._settings.grid_size,
+        )
+        self._checkpoints = CheckpointFolder(run_dir / CHECKPOINT_FOLDER)
+        self._generation = 0
+        self._evaluations = 0
+        self._env_steps = 0
+        self._seconds = 0.0
+        self._best_fitness = -np.inf
+        self._champion: Champion | None = None
+        self._timer = PhaseTimer()
+
+    def _stream(self, *key: int) -> np.random.SeedSequence:
+        return np.random.SeedSequence(self._config.seed, spawn_key=key)
+
+    def run(self) -> TrainingResult:
+        """Train until the last generation, or until SIGINT or SIGTERM; both save."""
+        self._run_dir.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(self._run_dir / _LOCK_FILE)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout as error:
+            raise RunError(
+                f"Another process is writing to {self._run_dir}; wait for it, or use another "
+                "folder."
+            ) from error
+        try:
+            self._start()
+            with StopRequest() as stop:
+                self._loop(stop)
+        finally:
+            lock.release()
+        return TrainingResult(
+            run_dir=self._run_dir,
+            generation=self._generation,
+            best_fitness=float(self._best_fitness),
+            champion=self._champion,
+            evaluations=self._evaluations,
+            env_steps=self._env_steps,
+            seconds=self._seconds,
+            stopped_by=stop.received,
+        )
+
+    def _start(self) -> None:
+        started = bool(self._checkpoints.paths())
+        if self._config.resume is not None:
+            self._load_state(self._checkpoints.load())
+        elif started:
+            raise RunError(
+                f"{self._run_dir} already holds a run; continue it with resume={self._run_dir}, or "
+                "use another folder."
+            )
+        if self._generation > self._config.generations:
+            raise ConfigError(
+                f"The run has done {self._generation} generations, more than "
+                f"generations={self._config.generations}."
+            )
+        save_config(self._config, self._run_dir)
+        if not started:
+            self._save()  # so that even a run killed in its first generation can be resumed
+
+    def _loop(self, stop: StopRequest) -> None:
+        config = self._config
+        saved_at = perf_counter()
+        started_at = perf_counter() - self._seconds
+        with (
+            make_engine(config.engine.name, self._settings, config.engine.workers) as engine,
+            RunLog(self._run_dir, config, self._generation) as log,
+        ):
+            while self._generation < config.generations:
+                start = perf_counter()
+                try:
+                    with self._timer.phase("ask"):
+                        genomes = self._optimizer.ask()
+                    with self._timer.phase("evaluate"):
+                        evaluation = engine.evaluate(genomes, self._scenarios(), stop)
+                    with self._timer.phase("tell"):
+                        self._optimizer.tell(evaluation.fitness)
+                except EvaluationInterrupted:
+                    break
+                except (EngineError, OptimizerError):
+                    self._save()  # the generation can be repeated from here
+                    raise
+                self._count(evaluation)
+                generation = self._generation
+                self._generation += 1
+                if self._generation % config.champion_every == 0 or self._is_last:
+                    with self._timer.phase("champion"):
+                        candidates = self._candidates(genomes, evaluation)
+                        result = engine.evaluate(candidates, self._champion_scenarios)
+                        self._crown(candidates, result)
+                    if self._champion is not None:
+                        log.champion(generation, self._champion)
+                metrics = self._metrics(evaluation, perf_counter() - start)
+                with self._timer.phase("log"):
+                    log.generation(generation, metrics, self._best_fitness)
+                self._seconds = perf_counter() - started_at
+                if perf_counter() - saved_at >= config.checkpoint_seconds or self._is_last:
+                    with self._timer.phase("checkpoint"):
+                        self._save()
+                    saved_at = perf_counter()
+                if stop():
+                    break
+            self._seconds = perf_counter() - started_at
+            if stop():
+                self._save()
+
+    @property
+    def _is_last(self) -> bool:
+        return self._generation == self._config.generations
+
+    def _scenarios(self) -> list[Scenario] | list[list[Scenario]]:
+        """Scenarios of the current generation: one set for all genomes, or one for each."""
+        config, settings = self._config, self._settings
+
+        def draw(*key: int) -> list[Scenario]:
+            stream = self._stream(_SCENARIO_STREAM, self._generation, *key)
+            return sample_scenarios(settings.task, stream, config.runs, settings.grid_size)
+
+        if config.common_scenarios:
+            return draw()
+        return [draw(genome) for genome in range(config.optimizer.population)]
+
+    def _count(self, evaluation: Evaluation) -> None:
+        self._evaluations += len(evaluation.fitness)
+        self._env_steps += evaluation.env_steps
+        self._best_fitness = max(self._best_fitness, float(np.nanmax(evaluation.fitness)))
+
+    def _candidates(self, genomes: Genomes, evaluation: Evaluation) -> Genomes:
+        """The generation's best genome and the mean: often the mean is the better of the two."""
+        best = genomes[int(np.nanargmax(evaluation.fitness))]
+        return np.stack([best, self._optimizer.mean])
+
+    def _crown(self, candidates: Genomes, result: Evaluation) -> None:
+        sources: Sequence[str] = ("sample", "mean")
+        for index, source in enumerate(sources):
+            fitness = float(result.fitness[index])
+            beaten = self._champion is not None and fitness <= self._champion.fitness
+            if not result.valid[index] or not np.isfinite(fitness) or beaten:
+                continue
+            self._champion = Champion(
+                genome=candidates[index].astype(np.float32),
+                body=result.bodies[index],
+                task=self._config.task,
+                fitness=fitness,
+                success=float(result.success[index].mean()),
+                generation=self._generation - 1,
+                source=source,
+            )
+
+    def _metrics(self, evaluation: Evaluation, seconds: float) -> dict[str, float]:
+        phases = self._timer.take()
+        return {
+            **generation_metrics(evaluation),
+            "fitness/best_so_far": float(self._best_fitness),
+            **{f"optimizer/{key}": value for key, value in self._optimizer.metrics().items()},
+            "progress/evaluations": float(self._evaluations),
+            "progress/env_steps": float(self._env_steps),
+            "speed/evaluations_per_s": len(evaluation.fitness) / seconds,
+            "speed/env_steps_per_s": evaluation.env_steps / seconds,
+            **{f"time/{name}_s": value for name, value in phases.items()},
+        }
+
+    def _save(self) -> None:
+        self._checkpoints.save(self._generation, self._state())
+        if self._champion is not None:
+            self._champion.save(self._run_dir / CHAMPION_FILE)
+
+    def _state(self) -> dict[str, Any]:
+        return {
+            "generation": self._generation,
+            "evaluations": self._evaluations,
+            "env_steps": self._env_steps,
+            "seconds": self._seconds,
+            "best_fitness": float(self._best_fitness),
+            "champion": None if self._champion is None else self._champion.state(),
+            "optimizer": self._optimizer.state(),
+            "task": vars(self._config.task).copy(),
+            "versions": versions(),
+        }
+
+    def _load_state(self, state: dict[str, Any]) -> None:
+        if state["task"] != vars(self._config.task):
+            raise ConfigError(
+                f"Cannot continue: the run's task is {state['task']}, "
+                f"the settings' is {vars(self._config.task)}."
+            )
+        self._optimizer.load_state(state["optimizer"])
+        self._generation = state["generation"]
+        self._evaluations = state["evaluations"]
+        self._env_steps = state["env_steps"]
+        self._seconds = state["seconds"]
+        self._best_fitness = state["best_fitness"]
+        champion = state["champion"]
+        self._champion = None if champion is None else Champion.from_state(champion)
+
+
+def train(config: TrainConfig, run_dir: str | Path) -> TrainingResult:
+    """Train in a folder; see ``Trainer`` for what is raised."""
+    return Trainer(config, Path(run_dir)).run()

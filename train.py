@@ -1,0 +1,35 @@
+"""Evolve a robot. ``python train.py --help`` lists the settings; sweep over them with ``-m``."""
+
+import sys
+
+import hydra
+from omegaconf import DictConfig
+
+from ncrs.config import check_arguments, current_job, register
+from ncrs.settings import ConfigError
+from ncrs.summary import exit_code, finished_lines, stopped_lines
+from ncrs.training import RunError, train
+
+
+@hydra.main(version_base="1.3", config_path="conf", config_name="config")
+def main(composed: DictConfig) -> float:
+    """Run one job and return the champion's fitness, which a sweeper maximises."""
+    try:
+        config, run_dir = current_job(composed)
+        result = train(config, run_dir)
+    except (ConfigError, RunError) as error:
+        sys.exit(f"train.py: {error}")
+    if result.stopped_by is not None:
+        print("\n".join(stopped_lines(result)))
+        sys.exit(exit_code(result.stopped_by))
+    print("\n".join(finished_lines(result, config)))
+    return 0.0 if result.champion is None else result.champion.fitness
+
+
+if __name__ == "__main__":
+    register()
+    try:
+        check_arguments(sys.argv[1:])
+    except ConfigError as error:
+        sys.exit(f"train.py: {error}")
+    main()
