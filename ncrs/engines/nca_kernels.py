@@ -1,0 +1,392 @@
+"""The NCA as numba kernels: growth and control of one genome, all its runs at once.
+
+The second and third layers are matrix products; the first is one matrix product per neighbour,
+taken over the neighbours that exist. Three savings are exact: during control the fixed channels
+contribute a constant per cell to the first layer; only the channels that change are computed; and
+cells that are empty or outside the grid contribute nothing, so they are not visited.
+
+Arrays are flat float32. States lie ``[cell][run][channel]`` with the channels padded to
+``GROWTH_LANES`` or ``CONTROL_LANES``, features ``[run][feature]`` padded to ``FEATURE_LANES``.
+Every value is computed in one fixed order, so results depend neither on the thread nor on the
+place of a run or a genome. Source: paper section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.engines.tiles import (
+    add_outer_product,
+    repeat_row,
+    store_clipped_sum,
+    store_rectified,
+)
+from ncrs.layout import (
+    ALIVE_THRESHOLD,
+    BODY_CHANNEL,
+    CONTROL_CHANNEL,
+    FEATURES,
+    FIRST_PART_CHANNEL,
+    HIDDEN_CHANNELS,
+    KERNEL_SIZE,
+    STATE_LIMIT,
+    NCALayout,
+)
+from ncrs_envs.batched.compiler import kernel
+from ncrs_envs.body import Cell
+
+FEATURE_LANES = 32
+"""The features of the first and the second layer, padded to whole vectors."""
+GROWTH_LANES = 16
+"""All channels, padded."""
+CONTROL_LANES = 8
+"""The channels that change during control, padded."""
+RUN_TILE = 6
+"""Runs that are computed together: half of the paper's 12. Their accumulators fill 12 of 32 vector
+registers of 512 bits; more is slower where registers are fewer and narrower."""
+
+CHANGING_CHANNELS = HIDDEN_CHANNELS + 1
+IO_LANE = CHANGING_CHANNELS - 1
+"""Lane of the input/output channel in a control state."""
+_REACH = KERNEL_SIZE // 2
+_EMPTY = int(Cell.EMPTY)
+_LIMIT = np.float32(STATE_LIMIT)
+
+FloatArray = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+
+
+class Network(NamedTuple):
+    """Weights laid out for tiles, as flat arrays.
+
+    Those of a population have the genomes as leading axis.
+    """
+
+    first: FloatArray
+    """``[kernel position][channel][feature]``, positions row by row."""
+    first_bias: FloatArray
+    second: FloatArray
+    """``[feature in][feature out]``."""
+    second_bias: FloatArray
+    third: FloatArray
+    """``[feature][channel]`` with the channels' padding."""
+    third_bias: FloatArray
+
+
+class Graph(NamedTuple):
+    """Cells and, for each, the existing cells in its 3 x 3 neighbourhood, itself included."""
+
+    start: IntArray
+    """Links of cell ``i`` are ``start[i]`` to ``start[i + 1]``."""
+    source: IntArray
+    """The neighbour that a link reads, a cell number."""
+    weights: IntArray
+    """Offset in ``Network.first`` of the link's first weight."""
+
+
+def pack_genomes(genomes: FloatArray, layout: NCALayout) -> tuple[Network, Network]:
+    """Lay out the weights of P genomes for growth and for control.
+
+    Args:
+        genomes: checked, float32 ``(P, num_parameters)``.
+        layout: the NCA's channels.
+
+    Returns:
+        The network of all channels, and the one whose third layer has the changing channels only;
+        arrays have shape ``(P, ...)``. The control flag's update is zero.
+    """
+    population = len(genomes)
+    sizes = [int(np.prod(shape)) for shape in layout.parameter_shapes]
+    parts = np.split(genomes, np.cumsum(sizes)[:-1], axis=1)
+    weight1, bias1, weight2, bias2, weight3, bias3 = (
+        part.reshape(population, *shape)
+        for part, shape in zip(parts, layout.parameter_shapes, strict=True)
+    )
+    positions = KERNEL_SIZE * KERNEL_SIZE
+    weight1 = weight1.reshape(population, FEATURES, layout.channels, positions)
+    shared = (
+        _padded(weight1.transpose(0, 3, 2, 1), FEATURE_LANES),
+        _padded(bias1, FEATURE_LANES),
+        _padded(weight2[..., 0, 0].transpose(0, 2, 1), FEATURE_LANES),
+        _padded(bias2, FEATURE_LANES),
+    )
+    third = np.array(weight3[..., 0, 0].transpose(0, 2, 1))
+    third_bias = bias3.copy()
+    third[..., CONTROL_CHANNEL] = 0.0
+    third_bias[..., CONTROL_CHANNEL] = 0.0
+    changing = layout.changing_channels
+    growth = Network(*shared, _padded(third, GROWTH_LANES), _padded(third_bias, GROWTH_LANES))
+    control = Network(
+        *shared,
+        _padded(third[..., changing], CONTROL_LANES),
+        _padded(third_bias[..., changing], CONTROL_LANES),
+    )
+    return growth, control
+
+
+def _padded(weights: FloatArray, lanes: int) -> FloatArray:
+    """Pad the last axis with zeros and flatten all but the first."""
+    padded = np.zeros((*weights.shape[:-1], lanes), dtype=np.float32)
+    padded[..., : weights.shape[-1]] = weights
+    return padded.reshape(len(weights), -1)
+
+
+@kernel
+def network_of(networks: Network, genome: int) -> Network:
+    """One genome's network out of a population's."""
+    return Network(
+        networks.first[genome],
+        networks.first_bias[genome],
+        networks.second[genome],
+        networks.second_bias[genome],
+        networks.third[genome],
+        networks.third_bias[genome],
+    )
+
+
+@kernel
+def link_cells(exists: NDArray[Any], channels: int, first_channel: int) -> Graph:
+    """Number the existing cells row by row and link each to its neighbours.
+
+    Args:
+        exists: shape ``(n, n)``, not 0 where there is a cell.
+        channels: number of channels of the first layer.
+        first_channel: the first channel that links read.
+    """
+    n = exists.shape[0]
+    numbers = np.empty((n, n), dtype=np.int64)
+    cells = 0
+    for row in range(n):
+        for column in range(n):
+            numbers[row, column] = cells
+            if exists[row, column] != 0:
+                cells += 1
+    start = np.zeros(cells + 1, dtype=np.int64)
+    source = np.empty(cells * KERNEL_SIZE**2, dtype=np.int64)
+    weights = np.empty(cells * KERNEL_SIZE**2, dtype=np.int64)
+    links = 0
+    for row in range(n):
+        for column in range(n):
+            if exists[row, column] == 0:
+                continue
+            for i in range(max(row - _REACH, 0), min(row + _REACH + 1, n)):
+                for j in range(max(column - _REACH, 0), min(column + _REACH + 1, n)):
+                    if exists[i, j] != 0:
+                        position = (i - row + _REACH) * KERNEL_SIZE + j - column + _REACH
+                        source[links] = numbers[i, j]
+                        weights[links] = (position * channels + first_channel) * FEATURE_LANES
+                        links += 1
+            start[numbers[row, column] + 1] = links
+    return Graph(start, source, weights)
+
+
+def _make_cell_update(rows: int, lanes: int) -> Callable[..., None]:
+    """The NCA's update of one cell in ``rows`` runs; the tile's size is fixed at compilation."""
+
+    @kernel
+    def update_cell(
+        network: Network,
+        constants: FloatArray,
+        constant: int,
+        graph: Graph,
+        inputs: int,
+        cell: int,
+        run: int,
+        runs: int,
+        states: FloatArray,
+        updated: FloatArray,
+        features: FloatArray,
+    ) -> None:
+        """Write ``clip(x + dx)`` of ``cell`` in runs ``run`` to ``run + rows`` to ``updated``.
+
+        Args:
+            network: the genome's weights.
+            constants: what is added to the first layer's sums, at ``constant``.
+            constant: offset in ``constants``.
+            graph: the links.
+            inputs: channels that a link reads.
+            cell: cell number.
+            run: first run.
+            runs: runs in the state arrays.
+            states: current states.
+            updated: output.
+            features: scratch for two layers of ``rows`` runs.
+        """
+        tile = repeat_row(rows, FEATURE_LANES, constants, constant)
+        for link in range(graph.start[cell], graph.start[cell + 1]):
+            source = (graph.source[link] * runs + run) * lanes
+            weights = graph.weights[link]
+            for channel in range(inputs):
+                weight = weights + channel * FEATURE_LANES
+                tile = add_outer_product(
+                    tile, network.first, weight, states, source + channel, lanes
+                )
+        store_rectified(tile, features, 0, FEATURE_LANES)
+        second = rows * FEATURE_LANES
+        tile = repeat_row(rows, FEATURE_LANES, network.second_bias, 0)
+        for feature in range(FEATURES):
+            weight = feature * FEATURE_LANES
+            tile = add_outer_product(tile, network.second, weight, features, feature, FEATURE_LANES)
+        store_rectified(tile, features, second, FEATURE_LANES)
+        change = repeat_row(rows, lanes, network.third_bias, 0)
+        for feature in range(FEATURES):
+            change = add_outer_product(
+                change, network.third, feature * lanes, features, second + feature, FEATURE_LANES
+            )
+        place = (cell * runs + run) * lanes
+        store_clipped_sum(change, _LIMIT, states, updated, place, lanes)
+
+    return update_cell
+
+
+_update_growing_cell = _make_cell_update(1, GROWTH_LANES)
+_update_control_cells = _make_cell_update(RUN_TILE, CONTROL_LANES)
+
+
+@kernel
+def growth_step(
+    network: Network, graph: Graph, channels: int, states: FloatArray, updated: FloatArray
+) -> bool:
+    """One step of growth; returns whether every new value is finite.
+
+    A cell lives if any body value of its neighbourhood exceeds 0.1 before the update; the others
+    become zero.
+
+    Args:
+        network: the genome's weights for growth.
+        graph: links of the whole grid.
+        channels: number of channels C.
+        states: ``[cell][GROWTH_LANES]``.
+        updated: output, same layout.
+    """
+    features = np.empty(2 * FEATURE_LANES, dtype=np.float32)
+    finite = True
+    for cell in range(graph.start.shape[0] - 1):
+        alive = False
+        for link in range(graph.start[cell], graph.start[cell + 1]):
+            body = states[graph.source[link] * GROWTH_LANES + BODY_CHANNEL]
+            alive = alive or body > ALIVE_THRESHOLD
+        if alive:
+            _update_growing_cell(
+                network, network.first_bias, 0, graph, channels, cell, 0, 1,
+                states, updated, features,
+            )  # fmt: skip
+        else:
+            updated[cell * GROWTH_LANES : (cell + 1) * GROWTH_LANES] = 0.0
+        for place in range(cell * GROWTH_LANES, (cell + 1) * GROWTH_LANES):
+            finite = finite and np.isfinite(updated[place])
+    return finite
+
+
+@kernel
+def seed_state(grid_size: int) -> FloatArray:
+    """The state that growth starts from: body 1 in the middle, all else zero."""
+    states = np.zeros(grid_size * grid_size * GROWTH_LANES, dtype=np.float32)
+    middle = grid_size // 2
+    states[(middle * grid_size + middle) * GROWTH_LANES + BODY_CHANNEL] = 1.0
+    return states
+
+
+@kernel
+def grow_body(
+    network: Network, part_codes: NDArray[np.int8], steps: int, body: NDArray[np.int8]
+) -> bool:
+    """Grow a body from the seed; returns whether all states stayed finite.
+
+    A cell is occupied where its body value exceeds 0.1; its type is the part channel with the
+    largest value, the first on a tie.
+
+    Args:
+        network: the genome's weights for growth.
+        part_codes: cell code of each part channel.
+        steps: number of growth steps.
+        body: output, cell codes, shape ``(n, n)``; empty if a state turned non-finite.
+    """
+    n = body.shape[0]
+    channels = FIRST_PART_CHANNEL + part_codes.shape[0] + CHANGING_CHANNELS
+    graph = link_cells(np.ones((n, n), dtype=np.int8), channels, 0)
+    states = seed_state(n)
+    updated = np.empty_like(states)
+    body[:] = _EMPTY
+    for _ in range(steps):
+        if not growth_step(network, graph, channels, states, updated):
+            return False
+        states, updated = updated, states
+    for row in range(n):
+        for column in range(n):
+            place = (row * n + column) * GROWTH_LANES
+            if states[place + BODY_CHANNEL] > ALIVE_THRESHOLD:
+                values = states[place + FIRST_PART_CHANNEL :][: part_codes.shape[0]]
+                body[row, column] = part_codes[np.argmax(values)]
+    return True
+
+
+@kernel
+def control_constants(
+    network: Network, part_codes: NDArray[np.int8], body: NDArray[np.int8]
+) -> FloatArray:
+    """What bias and fixed channels add to the first layer, ``[occupied cell][feature]``.
+
+    The control flag is 1 in every cell of the grid, body and part channels in occupied ones.
+    """
+    n = body.shape[0]
+    channels = FIRST_PART_CHANNEL + part_codes.shape[0] + CHANGING_CHANNELS
+    constants = np.empty(n * n * FEATURE_LANES, dtype=np.float32)
+    cell = 0
+    for row in range(n):
+        for column in range(n):
+            if body[row, column] == _EMPTY:
+                continue
+            total = constants[cell * FEATURE_LANES : (cell + 1) * FEATURE_LANES]
+            total[:] = network.first_bias
+            cell += 1
+            for i in range(max(row - _REACH, 0), min(row + _REACH + 1, n)):
+                for j in range(max(column - _REACH, 0), min(column + _REACH + 1, n)):
+                    position = (i - row + _REACH) * KERNEL_SIZE + j - column + _REACH
+                    first = position * channels
+                    _add_weights(network.first, first + CONTROL_CHANNEL, total)
+                    if body[i, j] == _EMPTY:
+                        continue
+                    _add_weights(network.first, first + BODY_CHANNEL, total)
+                    for part in range(part_codes.shape[0]):
+                        if part_codes[part] == body[i, j]:
+                            _add_weights(network.first, first + FIRST_PART_CHANNEL + part, total)
+    return constants[: cell * FEATURE_LANES]
+
+
+@kernel
+def _add_weights(first: FloatArray, row: int, total: FloatArray) -> None:
+    for feature in range(FEATURE_LANES):
+        total[feature] += first[row * FEATURE_LANES + feature]
+
+
+@kernel
+def control_step(
+    network: Network,
+    constants: FloatArray,
+    graph: Graph,
+    runs: int,
+    states: FloatArray,
+    updated: FloatArray,
+) -> None:
+    """One NCA step of every occupied cell in every run.
+
+    Args:
+        network: the genome's weights for control.
+        constants: from ``control_constants``.
+        graph: links of the occupied cells, from the first changing channel on.
+        runs: number of runs, a multiple of ``RUN_TILE``.
+        states: ``[occupied cell][run][CONTROL_LANES]``.
+        updated: output, same layout.
+    """
+    features = np.empty(2 * RUN_TILE * FEATURE_LANES, dtype=np.float32)
+    for cell in range(graph.start.shape[0] - 1):
+        for run in range(0, runs, RUN_TILE):
+            _update_control_cells(
+                network, constants, cell * FEATURE_LANES, graph, CHANGING_CHANNELS, cell, run,
+                runs, states, updated, features,
+            )  # fmt: skip
