@@ -37,7 +37,19 @@ STATE_CROSSED = 14
 """1 as soon as the grid's centre has been above y = 0."""
 STATE_TOUCHED = 15
 """1 if the robot touched the light, the ball or a wall in the last step."""
-STATE_SIZE = 16
+STATE_MEMORY = 16
+"""Number of contact points whose impulses are kept for the next step."""
+STATE_MEMORIES = 17
+"""One record of MEMORY_SIZE for each of at most MEMORIES contact points."""
+MEMORIES = 16
+MEMORY_KEY = 0
+"""Which cell touches what with which feature."""
+MEMORY_NORMAL = 1
+"""Normal impulse."""
+MEMORY_TANGENT = 2
+"""Friction impulse."""
+MEMORY_SIZE = 3
+STATE_SIZE = STATE_MEMORIES + MEMORIES * MEMORY_SIZE
 
 # Constants of one robot, float64, shape (robot_size(n),): a header, then rows of n * n places, of
 # which the first so many are used: per wheel 3 (twist change per unit of gas), per sensor 2

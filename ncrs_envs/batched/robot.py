@@ -113,7 +113,7 @@ def prepare_robot(
                 robot[ROBOT_HEADER + 3 * wheels] = x
                 robot[ROBOT_HEADER + 3 * wheels + 1] = y
                 wheels += 1
-            elif code == _LIGHT_SENSOR or code == _TARGET_SENSOR:
+            elif code in (_LIGHT_SENSOR, _TARGET_SENSOR):
                 cells[CELLS_HEADER + places + sensors] = place
                 cells[CELLS_HEADER + 2 * places + sensors] = code == _TARGET_SENSOR
                 robot[sensor_start + 2 * sensors] = x

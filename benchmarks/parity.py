@@ -1,0 +1,290 @@
+"""How closely the batched simulator follows Box2D: ``python -m benchmarks.parity [--json]``.
+
+Both simulators replay the same actions in the same scenarios with the same bodies.
+
+- Free motion: random bodies and actions; how far apart the robots' centres are after 100 steps.
+- Contact: a controller drives Box2D's robot at the light, the ball or the walls, and its actions
+  are recorded; how far apart the runs' fitness is (mean reward over 100 steps), and whether
+  success agrees. Beside it stands Box2D against itself with the start moved by 1e-4 units: what a
+  change too small to see does to a run, and so the least difference that any simulator can reach.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs_envs.batched.dynamics import grid_center
+from ncrs_envs.batched.layout import (
+    STATE_SIZE,
+    STATE_SUCCESS,
+    STATE_TOUCHED,
+)
+from ncrs_envs.batched.manifolds import scratch_size
+from ncrs_envs.batched.records import robot_arrays, scenario_arrays, settings_array
+from ncrs_envs.batched.simulate import reset_run, step_run
+from ncrs_envs.body import BodyGrid, Cell, cell_centers
+from ncrs_envs.episode import Episode, Robot, TaskSettings
+from ncrs_envs.scenario import Scenario, sample_scenario
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TASKS, Task, check_success_radius, get_task
+
+Actions = NDArray[np.float32]
+
+MAX_FREE_DISTANCE = 0.01
+MAX_FITNESS_DIFFERENCE = 0.005
+MAX_FITNESS_BIAS = 0.001
+MIN_SUCCESS_AGREEMENT = 0.97
+START_SHIFT = 1e-4
+_NEAREST, _FARTHEST = 8.0, 30.0
+_WORST = 5
+
+
+@dataclass(frozen=True)
+class Run:
+    """One replayed episode."""
+
+    fitness: float
+    success: bool
+    touched: bool
+    center: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Case:
+    """An episode to replay."""
+
+    seed: int
+    body: BodyGrid
+    scenario: Scenario
+    actions: Actions
+    """Float32, shape ``(steps, n, n)``."""
+
+
+def random_body(task: Task, rng: np.random.Generator, grid_size: int) -> BodyGrid:
+    """A valid body of random cells, of which a random part is empty."""
+    while True:
+        codes = [int(cell) for cell in task.part_cells]
+        body = rng.choice(codes, size=(grid_size, grid_size)).astype(np.int8)
+        body[rng.random(body.shape) < rng.uniform(0.0, 0.9)] = Cell.EMPTY
+        if task.is_valid(body):
+            return body
+
+
+def task_settings(task: Task, grid_size: int) -> TaskSettings:
+    """The task with its defaults."""
+    return TaskSettings(task, grid_size, "exponential", check_success_radius(None, task))
+
+
+def run_box2d(task: Task, case: Case) -> Run:
+    """Replay a case on Box2D."""
+    episode = Episode(task_settings(task, case.body.shape[0]), Robot(case.body), case.scenario)
+    rewards, touched = [], False
+    for action in case.actions:
+        rewards.append(episode.step(action))
+        touched = touched or episode.world.touching
+    return Run(float(np.mean(rewards)), episode.success, touched, episode.pose[:2])
+
+
+def run_batched(task: Task, case: Case) -> Run:
+    """Replay a case on the batched simulator's kernels."""
+    n = case.body.shape[0]
+    settings = settings_array(task, n)
+    robots, cells = robot_arrays(case.body[None])
+    scenario = scenario_arrays([case.scenario], n)[0]
+    state, observation = np.zeros(STATE_SIZE), np.zeros(n * n, dtype=np.float32)
+    scratch = np.zeros(scratch_size(n))
+    reset_run(settings, robots[0], cells[0], scenario, state, observation)
+    rewards, touched = [], False
+    for action in case.actions.reshape(len(case.actions), -1):
+        rewards.append(
+            step_run(settings, robots[0], cells[0], scenario, state, scratch, action, observation)
+        )
+        touched = touched or bool(state[STATE_TOUCHED])
+    center = grid_center(robots[0], state)
+    return Run(float(np.mean(rewards)), bool(state[STATE_SUCCESS]), touched, center)
+
+
+def free_cases(count: int) -> Iterator[Case]:
+    """Random bodies and actions in the open, with the light out of the way.
+
+    Actions are white noise, or held for 20 steps at a time, which goes further.
+    """
+    task = get_task("light_chase")
+    for seed in range(count):
+        rng = np.random.default_rng([1, seed])
+        n = int(rng.choice([3, 5, 5, 7]))
+        body = random_body(task, rng, n)
+        actions = rng.uniform(-1.0, 1.0, (MAX_EPISODE_STEPS, n, n))
+        if seed % 2:
+            actions = np.repeat(np.sign(actions[::20]), 20, axis=0)
+        scenario = Scenario(start=(0.0, 0.0), light=(1000.0, 0.0))
+        yield Case(seed, body, scenario, actions.astype(np.float32))
+
+
+def contact_cases(task: Task, count: int) -> Iterator[Case]:
+    """Episodes in which a controller drives Box2D's robot at something."""
+    for seed in range(count):
+        rng = np.random.default_rng([2, seed])
+        n = int(rng.choice([3, 5, 5, 5, 7]))
+        body = random_body(task, rng, n)
+        scenario = _within_reach(sample_scenario(task, rng, grid_size=n), rng)
+        yield Case(seed, body, scenario, _drive(task, body, scenario, rng))
+
+
+def _within_reach(scenario: Scenario, rng: np.random.Generator) -> Scenario:
+    """The same scenario with its light or ball somewhere ahead of the robot; walls stay."""
+    if scenario.walls is not None:
+        return scenario
+    bearing = rng.uniform(-0.5, 0.5)
+    distance = rng.uniform(_NEAREST, _FARTHEST)
+    point = (
+        scenario.start[0] + distance * math.sin(bearing),
+        scenario.start[1] + distance * math.cos(bearing),
+    )
+    if scenario.ball is not None:
+        return replace(scenario, ball=point)
+    return replace(scenario, light=point)
+
+
+def _drive(task: Task, body: BodyGrid, scenario: Scenario, rng: np.random.Generator) -> Actions:
+    """Actions of a controller that steers at the light or ball, with noise held for 10 steps."""
+    n = body.shape[0]
+    episode = Episode(task_settings(task, n), Robot(body), scenario)
+    side = np.sign(cell_centers(n)[..., 0])
+    actions = np.empty((MAX_EPISODE_STEPS, n, n), dtype=np.float32)
+    noise = np.repeat(rng.normal(0.0, 0.3, (MAX_EPISODE_STEPS // 10, n, n)), 10, axis=0)
+    for step in range(MAX_EPISODE_STEPS):
+        x, y, angle = episode.pose
+        goal = episode.ball or scenario.light
+        assert goal is not None
+        error = math.atan2(-(goal[0] - x), goal[1] - y) - angle
+        error = math.atan2(math.sin(error), math.cos(error))
+        gas = math.cos(error) + error * side + noise[step]
+        actions[step] = np.clip(gas, -1.0, 1.0)
+        episode.step(actions[step])
+    return actions
+
+
+def compare_free(count: int) -> dict[str, Any]:
+    """Free motion of ``count`` random bodies; see the module."""
+    task = get_task("light_chase")
+    apart, implicit = [], []
+    for case in free_cases(count):
+        box2d, batched = run_box2d(task, case), run_batched(task, case)
+        apart.append(math.dist(box2d.center, batched.center))
+        implicit.append(Robot(case.body).wheels.implicit)
+    return {
+        "bodies": count,
+        "unstable_bodies": int(np.sum(implicit)),
+        "largest_distance": float(np.max(apart)),
+        "largest_distance_unstable": float(np.max(np.array(apart)[implicit], initial=0.0)),
+        "met": bool(np.max(apart) <= MAX_FREE_DISTANCE),
+    }
+
+
+def _differences(runs: list[tuple[Run, Run]]) -> dict[str, Any]:
+    difference = np.array([b.fitness - a.fitness for a, b in runs])
+    return {
+        "mean_absolute": float(np.abs(difference).mean()),
+        "bias": float(difference.mean()),
+        "largest": float(np.abs(difference).max()),
+        "success_agreement": float(np.mean([a.success == b.success for a, b in runs])),
+    }
+
+
+def compare_contact(task: Task, count: int) -> dict[str, Any]:
+    """Contact episodes of one task; see the module."""
+    against_batched, against_itself, worst = [], [], []
+    for case in contact_cases(task, count):
+        box2d, batched = run_box2d(task, case), run_batched(task, case)
+        start = case.scenario.start
+        moved = replace(case.scenario, start=(start[0] + START_SHIFT, start[1]))
+        shifted = run_box2d(task, replace(case, scenario=moved))
+        against_batched.append((box2d, batched))
+        against_itself.append((box2d, shifted))
+        worst.append(
+            {
+                "seed": case.seed,
+                "cells": int((case.body != Cell.EMPTY).sum()),
+                "box2d": asdict(box2d),
+                "batched": asdict(batched),
+                "box2d_shifted_fitness": shifted.fitness,
+            }
+        )
+    worst.sort(key=lambda w: -abs(w["batched"]["fitness"] - w["box2d"]["fitness"]))
+    result = {
+        "episodes": count,
+        "touching": sum(a.touched for a, _ in against_batched),
+        "successful": sum(a.success for a, _ in against_batched),
+        **_differences(against_batched),
+        "box2d_against_itself": _differences(against_itself),
+        "worst": worst[:_WORST],
+    }
+    result["met"] = (
+        result["mean_absolute"] <= MAX_FITNESS_DIFFERENCE
+        and abs(result["bias"]) <= MAX_FITNESS_BIAS
+        and result["success_agreement"] >= MIN_SUCCESS_AGREEMENT
+    )
+    return result
+
+
+def _print_table(results: dict[str, Any]) -> None:
+    free = results["free"]
+    print(
+        f"Free motion, {free['bodies']} bodies ({free['unstable_bodies']} unstable): centres apart "
+        f"by at most {free['largest_distance']:.2e} units after {MAX_EPISODE_STEPS} steps "
+        f"(unstable {free['largest_distance_unstable']:.2e}; bar {MAX_FREE_DISTANCE}).\n"
+    )
+    print(
+        f"{'contact':<22}{'episodes':>9}{'touching':>9}{'|diff|':>9}{'bias':>10}{'largest':>9}"
+        f"{'success':>9}"
+    )
+    for name, row in results["contact"].items():
+        for label, part in ((name, row), ("  box2d, shifted", row["box2d_against_itself"])):
+            print(
+                f"{label:<22}{row['episodes']:>9}{row['touching']:>9}{part['mean_absolute']:>9.5f}"
+                f"{part['bias']:>10.5f}{part['largest']:>9.4f}{part['success_agreement']:>9.1%}"
+            )
+    print(
+        f"{'bar':<22}{'':>9}{'':>9}{MAX_FITNESS_DIFFERENCE:>9.5f}{MAX_FITNESS_BIAS:>10.5f}"
+        f"{'':>9}{MIN_SUCCESS_AGREEMENT:>9.1%}"
+    )
+    for name, row in results["contact"].items():
+        print(f"\nWorst of {name}: fitness on box2d, batched, and box2d with its start moved")
+        for case in row["worst"]:
+            print(
+                f"  seed {case['seed']:>4}, {case['cells']:>2} cells: "
+                f"{case['box2d']['fitness']:.4f} {case['batched']['fitness']:.4f} "
+                f"{case['box2d_shifted_fitness']:.4f}"
+            )
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the comparison; returns 1 if a bar is missed."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--bodies", type=int, default=240, help="bodies in free motion")
+    parser.add_argument("--episodes", type=int, default=320, help="contact episodes per task")
+    parser.add_argument("--tasks", nargs="+", default=list(TASKS), choices=list(TASKS))
+    options = parser.parse_args(arguments)
+    results: dict[str, Any] = {
+        "free": compare_free(options.bodies),
+        "contact": {n: compare_contact(get_task(n), options.episodes) for n in options.tasks},
+    }
+    if options.json:
+        print(json.dumps(results, indent=2))
+    else:
+        _print_table(results)
+    return 0 if all(r["met"] for r in [results["free"], *results["contact"].values()]) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
