@@ -2,11 +2,19 @@
 
 The options keep results bit-identical on any number of threads: no ``fastmath``, so that nothing
 is reassociated. ``error_model="numpy"`` leaves no exceptions in the kernels.
+
+Compiled kernels are kept on disk. numba itself would notice only changes in a kernel's own file and
+go on using old code when a kernel or a constant in another file has changed; here a kept kernel
+counts only for the very sources, of all first-party modules behind it, that it was compiled from.
 """
 
 from __future__ import annotations
 
+import hashlib
+import re
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 
@@ -16,24 +24,59 @@ class NumbaMissingError(ImportError):
 
 try:
     import numba
+    from numba.core.caching import FunctionCache
 except ImportError as error:
     raise NumbaMissingError(
         "The batched simulator needs numba, which is not installed: pip install numba. "
-        "Without it, use gymnasium.make_vec(..., vectorization_mode='sync'), which runs on Box2D."
+        "Without it, use gymnasium.make_vec(..., vectorization_mode='sync') or engine='box2d', "
+        "which run on Box2D."
     ) from error
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 prange = numba.prange
 
+_FIRST_PARTY_IMPORT = re.compile(r"^from (ncrs\w*[\w.]*) import", re.MULTILINE)
+
+
+def source_digest(module: str) -> str:
+    """Digest of the sources of a first-party module and of all that it imports, however deep."""
+    sources: dict[str, str] = {}
+    pending = [module]
+    while pending:
+        name = pending.pop()
+        file = sys.modules[name].__file__ if name in sys.modules else None
+        if name not in sources and file is not None:
+            sources[name] = Path(file).read_text(encoding="utf-8")
+            pending += _FIRST_PARTY_IMPORT.findall(sources[name])
+    digest = hashlib.sha256()
+    for name in sorted(sources):
+        digest.update(f"{name}\n{sources[name]}\n".encode())
+    return digest.hexdigest()
+
+
+class _SourceKeyedCache(FunctionCache):  # type: ignore[misc] # numba has no types
+    """numba's disk cache, whose entries count for one state of the sources only."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._digest = source_digest(function.__module__)
+
+    def _index_key(self, signature: Any, codegen: Any) -> Any:
+        return (*super()._index_key(signature, codegen), self._digest)
+
+
+def _compile(function: Function, parallel: bool) -> Function:
+    compiled = numba.njit(nogil=True, error_model="numpy", parallel=parallel)(function)
+    compiled._cache = _SourceKeyedCache(function)  # what numba's own enable_caching() sets
+    return cast(Function, compiled)
+
 
 def kernel(function: Function) -> Function:
     """Compile a function of scalars and arrays at its first call, and keep it on disk."""
-    compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    return cast(Function, compiled)
+    return _compile(function, parallel=False)
 
 
 def parallel_kernel(function: Function) -> Function:
     """As ``kernel``, with ``prange`` loops spread over threads."""
-    compiled = numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)(function)
-    return cast(Function, compiled)
+    return _compile(function, parallel=True)
