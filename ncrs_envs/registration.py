@@ -6,20 +6,17 @@ import gymnasium
 
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TASKS
 
-_ENTRY_POINTS = {
-    "light_chase": "ncrs_envs.env:LightChaseEnv",
-    "obstacle": "ncrs_envs.env:ObstacleEnv",
-    "carry_ball": "ncrs_envs.env:CarryBallEnv",
-}
+_CLASS_NAMES = {"light_chase": "LightChase", "obstacle": "Obstacle", "carry_ball": "CarryBall"}
 
 
 def register_all() -> None:
     """Register the three environments; calling it again changes nothing."""
-    for name, entry_point in _ENTRY_POINTS.items():
+    for name, class_name in _CLASS_NAMES.items():
         env_id = TASKS[name].env_id
         if env_id not in gymnasium.registry:
             gymnasium.register(
                 id=env_id,
-                entry_point=entry_point,
+                entry_point=f"ncrs_envs.env:{class_name}Env",
+                vector_entry_point=f"ncrs_envs.batched.vector_env:{class_name}VectorEnv",
                 max_episode_steps=MAX_EPISODE_STEPS,
             )

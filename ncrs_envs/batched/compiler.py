@@ -1,7 +1,8 @@
 """How the batched simulator's kernels are compiled: one set of numba options for all of them.
 
-The options keep results bit-identical on any number of threads: no ``fastmath``, so that nothing
-is reassociated. ``error_model="numpy"`` leaves no exceptions in the kernels.
+Without ``fastmath`` nothing is reassociated; ``error_model="numpy"`` leaves no exceptions in the
+kernels; ``nogil`` lets callers run them in threads of their own. Each run is computed by one thread
+from its own arrays alone, so results do not depend on the number of threads.
 
 Compiled kernels are kept on disk. numba itself would notice only changes in a kernel's own file and
 go on using old code when a kernel or a constant in another file has changed; here a kept kernel
@@ -34,8 +35,6 @@ except ImportError as error:
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-prange = numba.prange
-
 _FIRST_PARTY_IMPORT = re.compile(r"^from (ncrs\w*[\w.]*) import", re.MULTILINE)
 
 
@@ -66,17 +65,8 @@ class _SourceKeyedCache(FunctionCache):  # type: ignore[misc] # numba has no typ
         return (*super()._index_key(signature, codegen), self._digest)
 
 
-def _compile(function: Function, parallel: bool) -> Function:
-    compiled = numba.njit(nogil=True, error_model="numpy", parallel=parallel)(function)
-    compiled._cache = _SourceKeyedCache(function)  # what numba's own enable_caching() sets
-    return cast(Function, compiled)
-
-
 def kernel(function: Function) -> Function:
     """Compile a function of scalars and arrays at its first call, and keep it on disk."""
-    return _compile(function, parallel=False)
-
-
-def parallel_kernel(function: Function) -> Function:
-    """As ``kernel``, with ``prange`` loops spread over threads."""
-    return _compile(function, parallel=True)
+    compiled = numba.njit(nogil=True, error_model="numpy")(function)
+    compiled._cache = _SourceKeyedCache(function)  # what numba's own enable_caching() sets
+    return cast(Function, compiled)

@@ -117,7 +117,7 @@ def contact_at(index: int) -> int:
 
 @kernel
 def _has_room(scratch: NDArray[np.float64], count: int) -> bool:
-    return contact_at(count + 1) <= scratch.shape[0]
+    return bool(contact_at(count + 1) <= scratch.shape[0])
 
 
 @kernel
@@ -125,12 +125,9 @@ def quad_is_near(
     scenario: NDArray[np.float64], quad: int, x: float, y: float, reach: float
 ) -> bool:
     """Whether a quad's bounding box comes within ``reach`` of a point on both axes."""
-    return bool(
-        scenario[quad + QUAD_LOW_Y] <= y + reach
-        and scenario[quad + QUAD_HIGH_Y] >= y - reach
-        and scenario[quad + QUAD_LOW_X] <= x + reach
-        and scenario[quad + QUAD_HIGH_X] >= x - reach
-    )
+    near_y = scenario[quad + QUAD_LOW_Y] <= y + reach and scenario[quad + QUAD_HIGH_Y] >= y - reach
+    near_x = scenario[quad + QUAD_LOW_X] <= x + reach and scenario[quad + QUAD_HIGH_X] >= x - reach
+    return bool(near_y and near_x)
 
 
 @kernel

@@ -1,0 +1,410 @@
+"""The Gymnasium vector environments over the batched simulator.
+
+``gymnasium.make_vec(id, num_envs)`` makes these. Their spaces, rewards, options and infos are those
+of the single environments; ``vectorization_mode="sync"`` gives the same on Box2D.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from ncrs_envs.batched.run_batch import Indices, RunBatch, default_threads
+from ncrs_envs.batched.vector_options import (
+    batch_info,
+    check_autoreset_mode,
+    check_bodies,
+    check_count,
+    check_mask,
+    check_regions,
+    check_render_envs,
+    check_scenarios,
+    check_seeds,
+    grid_side,
+    without_mask,
+)
+from ncrs_envs.body import BodyGrid, sensor_mask, wheel_mask
+from ncrs_envs.interface import OptionError, check_action, check_flag, check_options
+from ncrs_envs.physics import DT
+from ncrs_envs.rendering import DEFAULT_RENDER_SIZE, Scene, check_render_size, draw_scene
+from ncrs_envs.scenario import Scenario, sample_scenario, wall_quads
+from ncrs_envs.tasks import (
+    CARRY_BALL,
+    LIGHT_CHASE,
+    MAX_EPISODE_STEPS,
+    OBSTACLE,
+    Task,
+    default_body,
+    playfield,
+    task_settings,
+)
+
+if TYPE_CHECKING:
+    _BaseEnv = VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]
+else:
+    _BaseEnv = VectorEnv
+
+NO_STEP_LIMIT = -1
+"""As ``max_episode_steps``: episodes are never truncated (as in ``gymnasium.make``)."""
+
+
+class RobotVectorEnv(_BaseEnv):
+    """Modular robots, one in each environment; the task's subclass says what they are rewarded for.
+
+    Args:
+        num_envs: number of environments.
+        max_episode_steps: episodes are truncated after so many steps; -1 for never.
+        body: one body for all, or one for each, shape ``(num_envs, n, n)``.
+        grid_size: side of the body grid; that of ``body`` by default, or 5.
+        render_mode: None or "rgb_array".
+        distance_score: "exponential" or "inverse_square".
+        success_radius: units; the task's own by default.
+        terminate_on_success: end an episode when it succeeds.
+        render_size: side of a frame in pixels.
+        autoreset_mode: what happens to environments whose episode has ended, see Gymnasium's
+            ``AutoresetMode``: "NextStep" (the default), "SameStep" or "Disabled".
+        render_envs: which environments ``render`` draws; by default the first four.
+        threads: most threads to use; by default one for each processor. Results are the same.
+
+    Raises:
+        OptionError: an unknown mode, or a count that is not a positive integer.
+        BodyError: a malformed body or grid size, or a body that the task cannot use.
+        TaskError: an unknown distance score, or an impossible success radius.
+        RenderError: a picture size out of range.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's own declaration
+        "render_modes": ["rgb_array"],
+        "render_fps": round(1.0 / DT),
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+    task: ClassVar[Task]
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        max_episode_steps: int = MAX_EPISODE_STEPS,
+        body: Any = None,
+        grid_size: int | None = None,
+        render_mode: str | None = None,
+        distance_score: str = "exponential",
+        success_radius: float | None = None,
+        terminate_on_success: bool = False,
+        render_size: int = DEFAULT_RENDER_SIZE,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_envs: Sequence[int] | None = None,
+        threads: int | None = None,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise OptionError(f"render_mode must be None or 'rgb_array', got {render_mode!r}.")
+        self.num_envs = check_count(num_envs, "num_envs")
+        if grid_size is None:
+            grid_size = grid_side(body)
+        self.settings = task_settings(self.task, grid_size, distance_score, success_radius)
+        n = self.settings.grid_size
+        self.render_mode = render_mode
+        self.render_size = check_render_size(render_size)
+        self.terminate_on_success = check_flag(terminate_on_success, "terminate_on_success")
+        self.autoreset_mode = check_autoreset_mode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self._step_limit = (
+            np.iinfo(np.int64).max
+            if max_episode_steps == NO_STEP_LIMIT
+            else check_count(max_episode_steps, "max_episode_steps")
+        )
+        self._render_envs = check_render_envs(render_envs, self.num_envs)
+        self.single_observation_space = gymnasium.spaces.Box(0.0, 1.0, (n, n), np.float32)
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (n, n), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+
+        everywhere = np.ones(self.num_envs, dtype=np.bool_)
+        chosen = default_body(self.task, n) if body is None else body
+        bodies = check_bodies(chosen, self.task, n, everywhere)
+        workers = default_threads() if threads is None else check_count(threads, "threads")
+        self._batch = RunBatch(self.settings, self.num_envs, workers)
+        self._bodies = np.zeros((self.num_envs, n, n), dtype=np.int8)
+        self._sensor_masks = np.zeros(self._bodies.shape, dtype=np.bool_)
+        self._wheel_masks = np.zeros(self._bodies.shape, dtype=np.bool_)
+        self._set_bodies(np.arange(self.num_envs), bodies)
+        self._generators: list[np.random.Generator | None] = [None] * self.num_envs
+        self._seeds = [-1] * self.num_envs
+        self._scenarios: list[Scenario | None] = [None] * self.num_envs
+        self._steps = np.zeros(self.num_envs, dtype=np.int64)
+        self._is_done = np.zeros(self.num_envs, dtype=np.bool_)
+        self._is_started = np.zeros(self.num_envs, dtype=np.bool_)
+        self._actions = np.zeros((self.num_envs, n, n), dtype=np.float32)
+        self._paths: dict[int, list[tuple[float, float]]] = {i: [] for i in self._render_envs}
+
+    _spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """The spec this was made from; a body in it is kept as nested lists, for JSON."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None and spec.kwargs.get("body") is not None:
+            spec = copy.copy(spec)
+            spec.kwargs = {**spec.kwargs, "body": np.asarray(spec.kwargs["body"]).tolist()}
+        self._spec = spec
+
+    @property
+    def bodies(self) -> NDArray[np.int8]:
+        """The present bodies, int8 ``(num_envs, n, n)``, a copy."""
+        return self._bodies.copy()
+
+    @property
+    def scenarios(self) -> tuple[Scenario | None, ...]:
+        """Placements of the present episodes; None where none has been started."""
+        return tuple(self._scenarios)
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """The generator of each environment."""
+        return tuple(self._generator(i) for i in range(self.num_envs))
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The seed of each environment's generator."""
+        return tuple(self._seeds[i] for i, _ in enumerate(self.np_random))
+
+    def _generator(self, env: int) -> np.random.Generator:
+        generator = self._generators[env]
+        if generator is None:
+            generator, self._seeds[env] = seeding.np_random()
+            self._generators[env] = generator
+        return generator
+
+    def _set_bodies(self, envs: Indices, bodies: NDArray[np.int8]) -> None:
+        self._batch.set_bodies(envs, bodies)
+        self._bodies[envs] = bodies
+        self._sensor_masks[envs] = sensor_mask(bodies)
+        self._wheel_masks[envs] = wheel_mask(bodies)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start episodes.
+
+        Args:
+            seed: one for each environment, or an integer ``s`` for ``s, s + 1, ...``. Environment
+                ``i`` then has the scenario that a single environment has with its seed.
+            options: ``body``, ``region`` and ``scenario`` as in the single environments, each one
+                for all or one for each; and ``reset_mask``, a bool array that says which
+                environments to reset.
+
+        Raises:
+            OptionError: unknown, malformed or contradictory options, or malformed seeds.
+            BodyError: a malformed body, or one that the task cannot use.
+            ScenarioError: an unknown region, or a scenario that does not fit.
+        """
+        self._check_open()
+        given = dict(check_options(without_mask(options)))
+        mask = check_mask(options.get("reset_mask") if options else None, self.num_envs)
+        n = self.settings.grid_size
+        body = given.get("body")
+        bodies = None if body is None else check_bodies(body, self.task, n, mask)
+        regions = check_regions(given.get("region"), self.num_envs)
+        scenarios = check_scenarios(given.get("scenario"), self.task, n, self.num_envs)
+        envs = np.flatnonzero(mask)
+        seeds = check_seeds(seed, self.num_envs)
+        seeded = {i: seeding.np_random(seeds[i]) for i in envs.tolist() if seeds[i] is not None}
+        for i, (generator, used) in seeded.items():
+            self._generators[i], self._seeds[i] = generator, used
+        if bodies is not None:
+            self._set_bodies(envs, bodies)
+        self._start(envs, [scenarios[i] or self._draw(i, regions[i]) for i in envs.tolist()])
+        return self._observations(), self._info(mask)
+
+    def _draw(self, env: int, region: int | None = None) -> Scenario:
+        return sample_scenario(self.task, self._generator(env), region, self.settings.grid_size)
+
+    def _start(self, envs: Indices, scenarios: Sequence[Scenario]) -> None:
+        self._batch.start(envs, scenarios)
+        for env, scenario in zip(envs.tolist(), scenarios, strict=True):
+            self._scenarios[env] = scenario
+            if env in self._paths:
+                self._paths[env] = [scenario.start]
+        self._steps[envs] = 0
+        self._is_done[envs] = False
+        self._is_started[envs] = True
+        self._actions[envs] = 0.0
+
+    def step(
+        self, actions: NDArray[np.float32]
+    ) -> tuple[
+        NDArray[np.float32],
+        NDArray[np.float64],
+        NDArray[np.bool_],
+        NDArray[np.bool_],
+        dict[str, Any],
+    ]:
+        """Advance every environment one control step, or reset it as ``autoreset_mode`` says.
+
+        Args:
+            actions: gas per cell, shape ``(num_envs, n, n)``; read in wheel cells, clipped to
+                [-1, 1].
+
+        Raises:
+            ResetNeeded: an environment has no episode, or, with autoreset disabled, one that has
+                ended.
+            ActionError: wrong shape, or values that are not finite.
+        """
+        self._check_open()
+        if not self._is_started.all():
+            first = int(np.argmin(self._is_started))
+            raise ResetNeeded(f"Call reset() before step(): environment {first} has no episode.")
+        was_done = self._is_done
+        if self.autoreset_mode is AutoresetMode.DISABLED and was_done.any():
+            raise ResetNeeded(
+                f"The episodes of environments {np.flatnonzero(was_done)[:8].tolist()} "
+                f"({int(was_done.sum())} in all) have ended; call reset(options="
+                "{'reset_mask': ...}) first, since autoreset is disabled."
+            )
+        n = self.settings.grid_size
+        self._actions = check_action(actions, (self.num_envs, n, n), "one gas value per cell")
+        flat = self._actions.reshape(self.num_envs, n * n)
+        rewards = self._batch.step(flat, ~was_done)
+        self._steps += 1
+        if was_done.any():
+            envs = np.flatnonzero(was_done)
+            self._start(envs, [self._draw(env) for env in envs.tolist()])
+        self._extend_paths(~was_done)
+        terminated = np.zeros(self.num_envs, dtype=np.bool_)
+        if self.terminate_on_success:
+            terminated = self._batch.success
+        truncated = self._steps >= self._step_limit
+        self._is_done = terminated | truncated
+        info = self._finish() if self.autoreset_mode is AutoresetMode.SAME_STEP else {}
+        everywhere = np.ones(self.num_envs, dtype=np.bool_)
+        info.update(self._info(everywhere))
+        return self._observations(), rewards, terminated, truncated, info
+
+    def _extend_paths(self, has_moved: NDArray[np.bool_]) -> None:
+        if self.render_mode is None:
+            return
+        poses = self._batch.poses
+        for env, path in self._paths.items():
+            if has_moved[env]:
+                path.append((float(poses[env, 0]), float(poses[env, 1])))
+
+    def _finish(self) -> dict[str, Any]:
+        """Reset environments whose episode has just ended; their last observation and info."""
+        done = self._is_done
+        if not done.any():
+            return {}
+        envs = np.flatnonzero(done)
+        observations = self._observations()
+        last = np.full(self.num_envs, None, dtype=object)
+        for env in envs:
+            last[env] = observations[env]
+        info = {
+            "final_obs": last,
+            "_final_obs": done.copy(),
+            "final_info": self._info(done),
+            "_final_info": done.copy(),
+        }
+        self._start(envs, [self._draw(env) for env in envs.tolist()])
+        return info
+
+    def _observations(self) -> NDArray[np.float32]:
+        return self._batch.observations.reshape(self._bodies.shape).copy()
+
+    def _info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
+        """The infos of the environments in ``mask``."""
+        values: dict[str, NDArray[Any]] = {
+            "body": self._bodies.copy(),
+            "sensor_mask": self._sensor_masks.copy(),
+            "wheel_mask": self._wheel_masks.copy(),
+            "pose": self._batch.poses,
+            "success": self._batch.success,
+        }
+        near, far = self._batch.distances.T.copy()
+        if self.task.has_ball:
+            values["distance_to_ball"], values["ball_to_target"] = near, far
+        else:
+            values["distance"] = near
+        if self.task.has_walls:
+            values["crossed"] = self._batch.crossed
+        return batch_info(values, mask)
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """RGB frames of the environments in ``render_envs``; None without a render mode.
+
+        Raises:
+            ResetNeeded: one of them has no episode.
+        """
+        if self.render_mode is None:
+            gymnasium.logger.warn(
+                "render() was called without a render_mode; make the environment with "
+                "render_mode='rgb_array'."
+            )
+            return None
+        return tuple(draw_scene(self.scene(env), self.render_size) for env in self._render_envs)
+
+    def scene(self, env: int) -> Scene:
+        """What there is to draw of one environment; its path is known for ``render_envs`` only.
+
+        Raises:
+            ResetNeeded: it has no episode.
+        """
+        scenario = self._scenarios[env]
+        if scenario is None:
+            raise ResetNeeded("Call reset() before render(): there is nothing to show yet.")
+        x, y, angle = self._batch.poses[env].tolist()
+        body: BodyGrid = self._bodies[env].copy()
+        return Scene(
+            extent=playfield(self.settings.grid_size),
+            body=body,
+            pose=(x, y, angle),
+            sensor_values=self._observations()[env],
+            action=self._actions[env].copy(),
+            light=scenario.light,
+            ball=self._batch.ball(env) if self.task.has_ball else None,
+            target=scenario.target,
+            wall_quads=wall_quads(scenario, self.settings.grid_size),
+            path=np.array(self._paths.get(env) or [(x, y)]),
+            success=bool(self._batch.success[env]),
+            success_radius=self.settings.success_radius,
+        )
+
+    def _check_open(self) -> None:
+        if self.closed:
+            raise ClosedEnvironmentError("This environment has been closed; make a new one.")
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the threads."""
+        self._batch.close()
+
+
+class LightChaseVectorEnv(RobotVectorEnv):
+    """Many robots, each driving to a light in the open; see ``LightChaseEnv``."""
+
+    task = LIGHT_CHASE
+
+
+class ObstacleVectorEnv(RobotVectorEnv):
+    """Many robots, each driving to a light through a passage; see ``ObstacleEnv``."""
+
+    task = OBSTACLE
+
+
+class CarryBallVectorEnv(RobotVectorEnv):
+    """Many robots, each pushing a ball to a target area; see ``CarryBallEnv``."""
+
+    task = CARRY_BALL
