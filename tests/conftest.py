@@ -1,0 +1,51 @@
+"""Helpers for all tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+DATA = Path(__file__).parent / "data"
+
+
+@pytest.fixture
+def golden() -> Callable[[str], Any]:
+    """Loads recordings of the published implementation by file stem."""
+
+    def load(name: str) -> Any:
+        with np.load(DATA / f"{name}.npz", allow_pickle=False) as file:
+            return dict(file)
+
+    return load
+
+
+@pytest.fixture
+def golden_genome() -> Callable[[Any, str], Any]:
+    """Joins a recorded genome's layers, such as those of "g03", into the flat vector."""
+
+    def join(record: Any, prefix: str) -> Any:
+        names = [f"conv{layer}_{kind}" for layer in (1, 2, 3) for kind in ("weight", "bias")]
+        return np.concatenate([record[f"{prefix}_{name}"].ravel() for name in names])
+
+    return join
+
+
+@pytest.fixture
+def genomes() -> Callable[..., Any]:
+    """Normal random genomes; with sigma 0.1 and seed 0 about one in seven grows a valid body."""
+
+    def draw(count: int, length: int = 4572, sigma: float = 0.1, seed: int = 0) -> Any:
+        return np.random.default_rng(seed).normal(0.0, sigma, (count, length))
+
+    return draw
+
+
+@pytest.fixture
+def full_genome() -> Any:
+    """A LightChase genome that grows a valid body of 25 cells (found by random search)."""
+    with np.load(DATA / "full_body_genome.npz", allow_pickle=False) as file:
+        return file["genome"]

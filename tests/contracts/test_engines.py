@@ -1,0 +1,192 @@
+"""What every engine must do."""
+
+import numpy as np
+import pytest
+
+from ncrs.engines.base import (
+    ENGINES,
+    EvaluationInterrupted,
+    NonFiniteStateWarning,
+    make_engine,
+)
+from ncrs.evaluation import evaluate
+from ncrs.layout import CONTROL_CHANNEL, GenomeError, nca_layout
+from ncrs_envs.body import body_features
+from ncrs_envs.scenario import Scenario, ScenarioError, sample_scenarios
+from ncrs_envs.tasks import TASKS, TaskError, task_settings
+
+
+@pytest.fixture(params=sorted(ENGINES))
+def engine(request):
+    return request.param
+
+
+def _result_arrays(evaluation):
+    return {name: getattr(evaluation, name) for name in vars(evaluation)}
+
+
+def _assert_equal(first, second, rows=slice(None)):
+    for name, value in _result_arrays(first).items():
+        np.testing.assert_array_equal(value[rows], getattr(second, name)[rows], err_msg=name)
+
+
+@pytest.mark.parametrize("task", sorted(TASKS))
+def test_shapes_dtypes_and_invalid_bodies(engine, task, genomes):
+    length = nca_layout(task).num_parameters
+    # The last genome is so small that its seed cell grows tissue only, if anything.
+    vectors = np.concatenate([genomes(10, length), genomes(1, length, sigma=1e-6)])
+    result = evaluate(vectors, task, engine=engine, runs=3, seed=5)
+    assert result.fitness.shape == (11,)
+    assert result.run_fitness.shape == result.success.shape == result.crossed.shape == (11, 3)
+    assert result.bodies.shape == (11, 5, 5)
+    assert result.features.shape == (11, 3)
+    assert result.fitness.dtype == np.float64
+    assert result.success.dtype == result.valid.dtype == np.bool_
+    assert result.bodies.dtype == np.int8
+    invalid = ~result.valid
+    assert invalid[-1]
+    np.testing.assert_array_equal(result.features[invalid], -1)
+    np.testing.assert_array_equal(
+        result.features[result.valid], body_features(result.bodies[result.valid])
+    )
+    credit = TASKS[task].partial_credit(result.bodies[invalid])
+    np.testing.assert_allclose(result.fitness[invalid], credit, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(result.fitness, result.run_fitness.mean(axis=1), rtol=1e-12)
+    assert result.env_steps == result.valid.sum() * 3 * 100
+
+
+@pytest.mark.parametrize("record_name", ["closed_loop_light_chase", "closed_loop_carry_ball"])
+def test_closed_loop_fitness_of_the_published_implementation(
+    engine, record_name, golden, golden_genome
+):
+    record = golden(record_name)
+    task = record_name.removeprefix("closed_loop_")
+    for prefix in (f"c{index:02d}" for index in range(5)):
+        if task == "light_chase":
+            scenarios = [Scenario((0.0, 0.0), light=light) for light in record[f"{prefix}_light"]]
+        else:
+            placements = (record[f"{prefix}_{key}"] for key in ("start", "ball_start", "target"))
+            scenarios = [
+                Scenario(start, ball=ball, target=target)
+                for start, ball, target in zip(*placements, strict=True)
+            ]
+        score = "exponential" if task == "light_chase" else "inverse_square"
+        result = evaluate(
+            golden_genome(record, prefix),
+            task,
+            engine=engine,
+            scenarios=scenarios,
+            distance_score=score,
+        )
+        np.testing.assert_array_equal(result.bodies[0], record[f"{prefix}_body"])
+        assert result.fitness[0] == pytest.approx(float(record[f"{prefix}_fitness"]), abs=1e-3)
+        runs = record[f"{prefix}_rewards"].mean(axis=0)
+        assert np.abs(result.run_fitness[0] - runs).mean() <= 1e-3
+
+
+def test_results_do_not_depend_on_workers_or_place(engine, genomes, full_genome):
+    vectors = np.concatenate([genomes(9), full_genome[None]])
+    scenarios = sample_scenarios("light_chase", 1, 4)
+    first = evaluate(vectors, "light_chase", engine=engine, scenarios=scenarios, workers=1)
+    second = evaluate(vectors, "light_chase", engine=engine, scenarios=scenarios, workers=2)
+    _assert_equal(first, second)
+    backwards = evaluate(
+        vectors[::-1], "light_chase", engine=engine, scenarios=scenarios, workers=2
+    )
+    for name, value in _result_arrays(first).items():
+        np.testing.assert_array_equal(value[::-1], getattr(backwards, name), err_msg=name)
+
+
+def test_the_seed_decides_the_scenarios(engine, full_genome):
+    def run(seed, scenarios=None):
+        return evaluate(
+            full_genome, "light_chase", engine=engine, runs=4, seed=seed, scenarios=scenarios
+        )
+
+    _assert_equal(run(3), run(3))
+    _assert_equal(run(3), run(0, sample_scenarios("light_chase", 3, 4)))
+    assert np.abs(run(3).run_fitness - run(4).run_fitness).max() > 1e-6
+
+
+def test_scenarios_per_genome(engine, full_genome):
+    rows = [sample_scenarios("light_chase", seed, 2) for seed in range(3)]
+    together = evaluate(np.stack([full_genome] * 3), "light_chase", engine=engine, scenarios=rows)
+    for index, row in enumerate(rows):
+        alone = evaluate(full_genome, "light_chase", engine=engine, scenarios=row)
+        np.testing.assert_array_equal(together.run_fitness[index], alone.run_fitness[0])
+
+
+def test_other_grids_scores_and_radii(engine, genomes):
+    vectors = genomes(12, seed=2)
+    plain = evaluate(vectors, "light_chase", engine=engine, runs=4)
+    assert plain.valid.any()
+    wide = evaluate(vectors, "light_chase", engine=engine, runs=4, success_radius=500.0)
+    assert wide.success[wide.valid].all()
+    np.testing.assert_array_equal(wide.run_fitness, plain.run_fitness)
+    inverse = evaluate(
+        vectors, "light_chase", engine=engine, runs=4, distance_score="inverse_square"
+    )
+    # (d + 1)^-2 lies below exp(-d) for all d > 0.
+    assert (inverse.fitness[inverse.valid] < plain.fitness[plain.valid]).all()
+    large = evaluate(vectors, "light_chase", engine=engine, runs=2, grid_size=7)
+    assert large.bodies.shape == (12, 7, 7)
+    assert large.valid.any()
+
+
+def test_obstacle_reports_crossing(engine, full_genome):
+    # A passage 2 units wide, for a robot of 10.
+    walls = (((-66.0, -66.0), (-1.0, 6.0)), ((66.0, -66.0), (1.0, 6.0)))
+    near = Scenario((0.0, 15.0), light=(0.0, 36.0), walls=walls)
+    far = Scenario((0.0, -51.0), light=(0.0, 36.0), walls=walls)
+    result = evaluate(full_genome, "obstacle", engine=engine, scenarios=[near, far])
+    np.testing.assert_array_equal(result.crossed[0], [True, False])
+
+
+def test_bad_input_is_refused_before_anything_runs(engine, genomes, full_genome):
+    vectors = genomes(3)
+    vectors[1, 0] = np.nan
+    with pytest.raises(GenomeError, match="Genome 1"):
+        evaluate(vectors, "light_chase", engine=engine)
+    with pytest.raises(GenomeError, match=r"4572.*4873"):
+        evaluate(np.zeros((2, 4873)), "light_chase", engine=engine)
+    with pytest.raises(TaskError, match="obstacle"):
+        evaluate(full_genome, "chess", engine=engine)
+    with pytest.raises(ScenarioError, match="must be a sequence"):
+        evaluate(full_genome, "light_chase", engine=engine, scenarios=[])
+    with pytest.raises(ScenarioError, match="must have light"):
+        evaluate(full_genome, "light_chase", engine=engine, scenarios=[Scenario((0.0, 0.0))])
+    rows = [sample_scenarios("light_chase", 0, n) for n in (2, 3)]
+    with pytest.raises(ScenarioError, match=r"\[2, 3\]"):
+        evaluate(np.stack([full_genome] * 2), "light_chase", engine=engine, scenarios=rows)
+    with pytest.raises(ScenarioError, match="each of the 3"):
+        evaluate(np.stack([full_genome] * 3), "light_chase", engine=engine, scenarios=rows[:1] * 2)
+    with pytest.raises(ScenarioError, match="positive integer"):
+        evaluate(full_genome, "light_chase", engine=engine, runs=0)
+    with pytest.raises(ValueError, match="workers"):
+        evaluate(full_genome, "light_chase", engine=engine, workers=0)
+
+
+def test_unknown_engine(full_genome):
+    with pytest.raises(ValueError, match="box2d"):
+        evaluate(full_genome, "light_chase", engine="bullet")
+
+
+def test_a_state_that_turns_non_finite_is_named_and_ranks_as_nan(engine, full_genome):
+    # What the first layer reads of the control flag is 0 in growth, so that the body is the same,
+    # and overflows in control.
+    wild = full_genome.copy()
+    wild[: 30 * 12 * 9].reshape(30, 12, 9)[:, CONTROL_CHANNEL] = 3e38
+    vectors = np.stack([full_genome, wild])
+    with pytest.warns(NonFiniteStateWarning, match="genome 1 .* run 0"):
+        result = evaluate(vectors, "light_chase", engine=engine, runs=2)
+    assert np.isnan(result.fitness[1])
+    assert np.isfinite(result.fitness[0])
+
+
+def test_evaluation_can_be_interrupted(engine, genomes):
+    settings = task_settings("light_chase")
+    with (
+        make_engine(engine, settings, workers=2) as running,
+        pytest.raises(EvaluationInterrupted),
+    ):
+        running.evaluate(genomes(4), sample_scenarios("light_chase", 0, 2), lambda: True)

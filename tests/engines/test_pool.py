@@ -1,0 +1,131 @@
+"""Worker processes: none orphaned, a lost one named."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from ncrs.engines.base import EngineError, EvaluationInterrupted
+from ncrs.engines.box2d import Box2DEngine
+from ncrs.engines.pool import WorkerPool
+from ncrs_envs.scenario import sample_scenarios
+from ncrs_envs.tasks import task_settings
+
+
+def never():
+    return False
+
+
+def wait_until(condition, seconds=20.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited too long"
+        time.sleep(0.02)
+
+
+def alive(pid):
+    """Whether a process runs; one that has ended but was not waited for does not."""
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.fixture
+def pool():
+    pool = WorkerPool(2)
+    yield pool
+    pool.close()
+
+
+def test_results_come_in_the_order_of_the_arguments(pool):
+    results = pool.map(abs, [-3, 2, -1, 0, -5], list("abcde"), never)
+    assert results == [3, 2, 1, 0, 5]
+    assert len(pool.pids) == 2
+
+
+def test_a_job_that_raises_is_named_and_the_pool_can_be_used_again(pool):
+    with pytest.raises(EngineError, match="genome 1") as caught:
+        pool.map(len, ["ab", 3, "c"], ["genome 0", "genome 1", "genome 2"], never)
+    assert isinstance(caught.value.__cause__, TypeError)
+    assert pool.map(len, ["abc"], ["genome 0"], never) == [3]
+
+
+def test_a_killed_worker_is_an_error_that_names_the_job(pool):
+    pool.map(abs, [1, 2], ["a", "b"], never)
+    victim = pool.pids[0]
+    timer = threading.Timer(0.5, os.kill, (victim, signal.SIGKILL))
+    timer.start()
+    with pytest.raises(EngineError, match=rf"{victim} was killed by SIGKILL while evaluating job"):
+        pool.map(time.sleep, [20, 20], ["job 0", "job 1"], never)
+    assert pool.pids == []
+
+
+def test_stopping_ends_the_workers_at_once(pool):
+    pool.map(abs, [1, 2], ["a", "b"], never)
+    pids = pool.pids
+    start = time.monotonic()
+    with pytest.raises(EvaluationInterrupted):
+        pool.map(time.sleep, [20, 20], ["a", "b"], lambda: time.monotonic() - start > 0.3)
+    wait_until(lambda: not any(alive(pid) for pid in pids))
+    assert time.monotonic() - start < 15
+
+
+def test_printing_in_a_worker_does_not_disturb_the_replies(pool, capfd):
+    assert pool.map(print, ["hello", "there"], ["a", "b"], never) == [None, None]
+
+
+def test_workers_use_one_thread(pool):
+    assert pool.map(os.getenv, ["OMP_NUM_THREADS"], ["a"], never) == ["1"]
+
+
+@pytest.mark.skipif(not os.path.exists("/proc"), reason="looks at processes in /proc")
+def test_workers_do_not_outlive_a_killed_parent():
+    script = (
+        "import time\n"
+        "from ncrs.engines.pool import WorkerPool\n"
+        "pool = WorkerPool(2)\n"
+        "pool.map(abs, [1, 2], ['a', 'b'], lambda: False)\n"
+        "print(*pool.pids, flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    pids = [int(word) for word in parent.stdout.readline().split()]
+    assert len(pids) == 2
+    assert all(alive(pid) for pid in pids)
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    wait_until(lambda: not any(alive(pid) for pid in pids))
+
+
+def test_the_engine_names_the_genome_of_a_killed_worker(full_genome):
+    vectors = np.stack([full_genome] * 40)
+    scenarios = sample_scenarios("light_chase", 0, 12)
+    with Box2DEngine(task_settings("light_chase"), workers=2) as engine:
+        engine.evaluate(vectors[:2], scenarios[:1])
+        victim = engine.worker_pids[1]
+        threading.Timer(0.3, os.kill, (victim, signal.SIGKILL)).start()
+        with pytest.raises(EngineError, match=r"killed by SIGKILL while evaluating genome \d+"):
+            engine.evaluate(vectors, scenarios)
+        # A new evaluation starts new workers.
+        assert np.isfinite(engine.evaluate(vectors[:2], scenarios[:1]).fitness).all()
+
+
+def test_a_script_without_a_main_guard_can_use_workers(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import numpy as np, ncrs\n"
+        "genomes = np.zeros((2, 4572))\n"
+        "result = ncrs.evaluate(genomes, 'light_chase', engine='box2d', workers=2)\n"
+        "print(result.fitness)\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[0. 0.]"
