@@ -211,6 +211,7 @@ def check_workers(workers: Any) -> int:
 
 # Module and class of each engine; imported on use, since each needs its own heavy packages.
 ENGINES: Mapping[str, tuple[str, str]] = {
+    "batched": ("ncrs.engines.batched", "BatchedEngine"),
     "box2d": ("ncrs.engines.box2d", "Box2DEngine"),
 }
 

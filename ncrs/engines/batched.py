@@ -1,0 +1,136 @@
+"""The fast engine: NCA, physics and scoring fused into numba kernels, threads over genomes."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+# First, since it says what to do where numba is missing.
+from ncrs_envs.batched.records import quad_capacity, scenario_arrays, settings_array
+
+# isort: split
+from ncrs.engines.base import (
+    Engine,
+    EvaluationInterrupted,
+    NonFiniteStateWarning,
+    RolloutResult,
+    ScenarioRows,
+    StopCheck,
+)
+from ncrs.engines.nca_kernels import IntArray, pack_genomes
+from ncrs.engines.rollout_kernels import grow_population, make_workspace, roll_out_population
+from ncrs.layout import growth_steps
+from ncrs_envs.tasks import MAX_EPISODE_STEPS
+
+_LOGGER = logging.getLogger(__name__)
+_POLL_S = 0.05
+_NOTICE_S = 3.0
+"""Loading compiled kernels takes less than this, compiling them more."""
+_GROWTH_CHUNK = 16
+"""Genomes per job; growing one takes less time than handing it to a thread."""
+
+
+class BatchedEngine(Engine):
+    """See ``Engine``. ``workers`` are threads of this process.
+
+    The kernels are compiled on first use, which takes under a minute, and kept on disk.
+
+    Raises:
+        NumbaMissingError: on import of this module, if numba is not installed.
+    """
+
+    name = "batched"
+
+    def _rollout(
+        self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
+    ) -> RolloutResult:
+        settings = self.settings
+        population, runs, n = len(genomes), len(rows[0]), settings.grid_size
+        growth, control = pack_genomes(genomes, self.layout)
+        part_codes = np.array(self.layout.part_codes, dtype=np.int8)
+        bodies = np.zeros((population, n, n), dtype=np.int8)
+        finite = np.ones(population, dtype=np.bool_)
+        result = RolloutResult(
+            bodies=bodies,
+            run_fitness=np.zeros((population, runs)),
+            success=np.zeros((population, runs), dtype=np.bool_),
+            crossed=np.zeros((population, runs), dtype=np.bool_),
+        )
+        scenarios = _scenario_table(rows, n)
+        task_settings = settings_array(settings.task, n, settings.score, settings.success_radius)
+
+        def grow(chosen: IntArray) -> None:
+            grow_population(growth, part_codes, growth_steps(n), chosen, bodies, finite)
+
+        def roll_out(chosen: IntArray) -> None:
+            roll_out_population(
+                control, part_codes, task_settings, scenarios, MAX_EPISODE_STEPS,
+                make_workspace(n), chosen, bodies,
+                result.run_fitness, result.success, result.crossed,
+            )  # fmt: skip
+
+        with _compilation_notice():
+            for kernel in (grow, roll_out):
+                kernel(np.arange(0))  # no genomes: compiles, or loads what is on disk
+        self._spread(grow, np.arange(population), _GROWTH_CHUNK, should_stop)
+        for genome in np.flatnonzero(~finite):
+            warnings.warn(
+                f"The NCA's state of genome {genome} turned non-finite during growth; it has no "
+                "body. Its weights are too large.",
+                NonFiniteStateWarning,
+                stacklevel=3,
+            )
+        valid = np.flatnonzero(settings.task.is_valid(bodies))
+        self._spread(roll_out, valid, 1, should_stop)
+        return result
+
+    def _spread(
+        self,
+        work: Callable[[IntArray], None],
+        genomes: IntArray,
+        chunk: int,
+        should_stop: StopCheck,
+    ) -> None:
+        """Apply ``work`` to all genomes, ``chunk`` at a time, on this engine's threads."""
+        jobs = [genomes[start : start + chunk] for start in range(0, len(genomes), chunk)]
+        with ThreadPoolExecutor(self.workers, thread_name_prefix="ncrs") as pool:
+            futures: set[Future[None]] = {pool.submit(work, job) for job in jobs}
+            try:
+                while futures:
+                    if should_stop():
+                        raise EvaluationInterrupted
+                    done, futures = wait(futures, _POLL_S, FIRST_EXCEPTION)
+                    for future in done:
+                        future.result()
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
+
+
+@contextmanager
+def _compilation_notice() -> Iterator[None]:
+    """Say that kernels are being compiled, if what happens here takes longer than loading them."""
+    notice = threading.Timer(
+        _NOTICE_S,
+        _LOGGER.warning,
+        ("Compiling the batched engine; this takes under a minute and is kept on disk.",),
+    )
+    notice.start()
+    try:
+        yield
+    finally:
+        notice.cancel()
+
+
+def _scenario_table(rows: ScenarioRows, grid_size: int) -> NDArray[np.float64]:
+    """Records of all scenarios, shape ``(rows, R, record)``."""
+    flat = [scenario for row in rows for scenario in row]
+    table = scenario_arrays(flat, grid_size, quad_capacity(flat))
+    return table.reshape(len(rows), len(rows[0]), -1)

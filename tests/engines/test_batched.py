@@ -1,0 +1,106 @@
+"""What the batched engine alone must do; what every engine must is in the contract tests."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+
+from ncrs.engines import batched
+from ncrs.engines.base import EvaluationInterrupted, NonFiniteStateWarning
+from ncrs.engines.batched import BatchedEngine
+from ncrs.engines.box2d import Box2DEngine
+from ncrs.engines.nca_kernels import RUN_TILE
+from ncrs_envs.scenario import sample_scenarios
+from ncrs_envs.tasks import task_settings
+
+
+@pytest.fixture
+def settings():
+    return task_settings("light_chase")
+
+
+def test_runs_that_do_not_fill_a_tile_change_nothing(settings, full_genome):
+    scenarios = sample_scenarios("light_chase", 2, 2 * RUN_TILE + 1)
+    with BatchedEngine(settings, 1) as engine:
+        together = engine.evaluate(full_genome, scenarios).run_fitness[0]
+        alone = [engine.evaluate(full_genome, [s]).run_fitness[0, 0] for s in scenarios]
+    np.testing.assert_array_equal(together, alone)
+    assert np.ptp(together) > 0.01
+
+
+def test_follows_box2d_run_by_run(settings, genomes, full_genome):
+    vectors = full_genome + 0.1 * genomes(12, seed=4)
+    scenarios = sample_scenarios("light_chase", 3, 4)
+    with BatchedEngine(settings, 2) as fast, Box2DEngine(settings, 1) as reference:
+        result = fast.evaluate(vectors, scenarios)
+        expected = reference.evaluate(vectors, scenarios)
+    np.testing.assert_array_equal(result.bodies, expected.bodies)
+    np.testing.assert_array_equal(result.features, expected.features)
+    assert expected.valid.sum() >= 5
+    # Float32 noise in the NCA, amplified over a hundred steps of feedback.
+    np.testing.assert_allclose(result.run_fitness, expected.run_fitness, atol=2e-3)
+    assert abs((result.run_fitness - expected.run_fitness).mean()) < 1e-4
+
+
+def test_growth_that_turns_non_finite_is_reported_and_gives_no_body(settings, genomes, full_genome):
+    vectors = np.stack([genomes(1)[0] * 1e20, full_genome])
+    scenarios = sample_scenarios("light_chase", 0, 2)
+    with (
+        BatchedEngine(settings, 2) as engine,
+        pytest.warns(NonFiniteStateWarning, match="genome 0 .* growth"),
+    ):
+        result = engine.evaluate(vectors, scenarios)
+    np.testing.assert_array_equal(result.valid, [False, True])
+    np.testing.assert_array_equal(result.bodies[0], 0)
+    assert result.fitness[0] == 0.0
+    with BatchedEngine(settings, 2) as engine:
+        alone = engine.evaluate(full_genome, scenarios)
+    np.testing.assert_array_equal(result.run_fitness[1], alone.run_fitness[0])
+
+
+def test_an_interrupt_takes_effect_before_the_last_genome(settings, full_genome, monkeypatch):
+    rolled_out = []
+    roll_out = batched.roll_out_population
+
+    def counted(*arguments):
+        rolled_out.append(1)
+        roll_out(*arguments)
+
+    monkeypatch.setattr(batched, "roll_out_population", counted)
+    scenarios = sample_scenarios("light_chase", 0, 60)
+    with BatchedEngine(settings, 1) as engine, pytest.raises(EvaluationInterrupted):
+        engine.evaluate(np.stack([full_genome] * 300), scenarios, lambda: len(rolled_out) > 2)
+    assert 2 < len(rolled_out) < 150
+
+
+def test_compilation_is_announced_when_it_takes_long_and_only_then(monkeypatch, caplog):
+    monkeypatch.setattr(batched, "_NOTICE_S", 0.01)
+    with caplog.at_level(logging.WARNING), batched._compilation_notice():
+        time.sleep(0.2)
+    assert "Compiling" in caplog.text
+    caplog.clear()
+    monkeypatch.setattr(batched, "_NOTICE_S", 60.0)
+    with caplog.at_level(logging.WARNING), batched._compilation_notice():
+        pass
+    assert caplog.text == ""
+
+
+def test_without_numba_the_error_names_the_other_engine():
+    code = (
+        "import sys; sys.modules['numba'] = sys.modules['llvmlite'] = None\n"
+        "import ncrs.evaluation, ncrs.engines\n"
+        "try:\n"
+        "    ncrs.engines.make_engine('batched', None)\n"
+        "except ImportError as error:\n"
+        "    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "pip install numba" in done.stdout
+    assert "engine='box2d'" in done.stdout
