@@ -1,0 +1,119 @@
+"""Champions: their file, their test, their pictures."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ncrs.assessment import assess
+from ncrs.champion import Champion, load_champion_file
+from ncrs.checkpoint import CheckpointError, write_state
+from ncrs.cli import main
+from ncrs.development import grow
+from ncrs.evaluation import evaluate
+from ncrs.nca import NCA
+from ncrs.pictures import episode_frames
+from ncrs.settings import ConfigError, TaskConfig
+from ncrs_envs.rendering import RenderError
+from ncrs_envs.scenario import ScenarioError
+
+
+@pytest.fixture
+def champion(full_genome):
+    body = grow(NCA().set_genome(full_genome))
+    return Champion(full_genome, body, TaskConfig(), 0.4, 0.25, 7, "mean")
+
+
+@pytest.fixture
+def run_dir(champion, tmp_path):
+    champion.save(tmp_path / "champion.npz")
+    return tmp_path
+
+
+def test_round_trip(champion, run_dir):
+    for path in (run_dir, run_dir / "champion.npz"):
+        loaded = load_champion_file(path)
+        np.testing.assert_array_equal(loaded.genome, champion.genome)
+        np.testing.assert_array_equal(loaded.body, champion.body)
+        assert (loaded.task, loaded.fitness, loaded.source) == (champion.task, 0.4, "mean")
+        np.testing.assert_array_equal(loaded.nca.genome(), champion.genome)
+
+
+def test_missing_and_foreign_files(tmp_path):
+    with pytest.raises(ConfigError, match="does not exist"):
+        load_champion_file(tmp_path)
+    write_state(tmp_path / "champion.npz", {"something": 1})
+    with pytest.raises(CheckpointError, match="does not hold a champion"):
+        load_champion_file(tmp_path)
+    (tmp_path / "champion.npz").write_text("no zip")
+    with pytest.raises(CheckpointError, match="not a whole checkpoint"):
+        load_champion_file(tmp_path)
+
+
+def test_assessment_counts_fresh_episodes(champion):
+    result = assess(champion, episodes=8, seed=3)
+    assert result.success.episodes == 8
+    assert result.crossed is None
+    assert 0.0 < result.fitness < 1.0
+    assert result.fitness_standard_error > 0.0
+    # Training's scenarios of the same seed are others.
+    assert evaluate(champion.genome, "light_chase", runs=8, seed=3).fitness[0] != result.fitness
+    assert assess(champion, episodes=8, seed=3) == result
+    obstacle = assess(replace(champion, task=TaskConfig(name="obstacle")), episodes=2)
+    assert obstacle.crossed is not None
+    assert len(obstacle.lines()) == 3
+    with pytest.raises(ScenarioError, match="positive integer"):
+        assess(champion, episodes=0)
+
+
+def test_the_task_settings_travel_with_the_champion(champion):
+    easy = replace(champion, task=TaskConfig(success_radius=500.0))
+    assert assess(easy, episodes=4).success.share == 1.0
+
+
+def test_frames_show_an_episode(champion):
+    frames = episode_frames(champion, seed=1, size=96)
+    assert len(frames) == 51
+    assert frames[0].shape == (96, 96, 3)
+    assert np.abs(frames[0].astype(int) - frames[-1]).max() > 50
+    with pytest.raises(RenderError):
+        episode_frames(champion, size=0)
+
+
+def test_evaluate_command(run_dir, capsys):
+    main(["evaluate", str(run_dir), "--episodes", "4", "--seed", "2", "--engine", "box2d"])
+    saved = json.loads((run_dir / "evaluation.json").read_text())
+    assert saved["success"]["episodes"] == 4
+    assert saved["seed"] == 2
+    printed = capsys.readouterr().out
+    assert f"{saved['fitness']:.4f}" in printed
+    assert "95 % interval" in printed
+
+
+def test_render_command(run_dir, capsys):
+    main(["render", str(run_dir), "--size", "96"])
+    with Image.open(run_dir / "body.png") as picture:
+        assert picture.size == (96, 96)
+    with Image.open(run_dir / "episode.gif") as animation:
+        assert animation.n_frames > 20
+        assert animation.size == (96, 96)
+    assert "episode.gif" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["evaluate", "/nowhere"], "does not exist"),
+        (["evaluate", "{run}", "--episodes", "0"], "positive integer"),
+        (["render", "{run}", "--size", "3"], "render_size"),
+    ],
+)
+def test_bad_input_is_one_sentence(run_dir, arguments, message, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main([word.format(run=run_dir) for word in arguments])
+    assert caught.value.code == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert "Traceback" not in error
