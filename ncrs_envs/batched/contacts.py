@@ -8,6 +8,8 @@ meet only in steps' beginnings.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +32,8 @@ from ncrs_envs.batched.layout import (
     STATE_BALL_Y,
     STATE_MEMORY,
     STATE_TOUCHED,
+    STATE_VX,
+    STATE_VY,
     STATE_X,
     STATE_Y,
 )
@@ -60,18 +64,20 @@ def _is_free(
     scenario: NDArray[np.float64],
     state: NDArray[np.float64],
 ) -> bool:
-    """Whether nothing is so near that the robot could touch it in this step."""
+    """Whether the robot touches nothing and, at its present velocity, cannot in this step."""
     if settings[SETTING_HAS_BALL] != 0.0:
         reach = robot[ROBOT_RADIUS] + BALL_RADIUS + SKIN
         x = state[STATE_BALL_X] - state[STATE_X]
         y = state[STATE_BALL_Y] - state[STATE_Y]
-    else:
-        reach = robot[ROBOT_RADIUS] + LIGHT_RADIUS + SKIN + MAX_TRANSLATION
-        x = scenario[SCENARIO_SEEN_X] - state[STATE_X]
-        y = scenario[SCENARIO_SEEN_Y] - state[STATE_Y]
+        return bool(x * x + y * y > reach * reach)
+    squared = state[STATE_VX] * state[STATE_VX] + state[STATE_VY] * state[STATE_VY]
+    travel = min(DT * math.sqrt(squared), MAX_TRANSLATION)
+    reach = robot[ROBOT_RADIUS] + LIGHT_RADIUS + SKIN + travel
+    x = scenario[SCENARIO_SEEN_X] - state[STATE_X]
+    y = scenario[SCENARIO_SEEN_Y] - state[STATE_Y]
     if x * x + y * y <= reach * reach:
         return False
-    reach = robot[ROBOT_RADIUS] + 2.0 * SKIN + MAX_TRANSLATION
+    reach = robot[ROBOT_RADIUS] + 2.0 * SKIN + travel
     if state[STATE_Y] - reach > scenario[SCENARIO_WALL_TOP]:
         return True
     for i in range(int(scenario[SCENARIO_QUADS])):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.compiler import kernel
-from ncrs_envs.batched.layout import QUAD_CORNERS, QUAD_POINTS
+from ncrs_envs.batched.layout import QUAD_CORNERS, QUAD_EDGES, QUAD_POINTS
 from ncrs_envs.body import CELL_SIZE
 
 HALF_CELL = 0.5 * CELL_SIZE
@@ -80,27 +80,28 @@ def face_of_cell(face: int) -> tuple[float, float]:
 
 
 @kernel
-def separation_along_quad(points: NDArray[np.float64], corners: int) -> Separation:
-    """The largest separation along a normal of the quad's edges."""
+def separation_along_quad(
+    scenario: NDArray[np.float64], quad: int, x: float, y: float, cos: float, sin: float
+) -> Separation:
+    """The largest separation along a normal of the quad's edges; arguments as above."""
     best = -math.inf
     best_x = 0.0
     best_y = 0.0
     best_edge = 0
-    for edge in range(corners):
-        x0, y0, x1, y1 = edge_of_quad(points, corners, edge)
-        n_x = y1 - y0
-        n_y = x0 - x1
-        length = math.sqrt(n_x * n_x + n_y * n_y)
-        if length == 0.0:
+    for corner in range(int(scenario[quad + QUAD_CORNERS])):
+        edge = quad + QUAD_EDGES + 3 * corner
+        n_x = scenario[edge]
+        n_y = scenario[edge + 1]
+        if n_x == 0.0 and n_y == 0.0:
             continue
-        n_x /= length
-        n_y /= length
-        distance = -HALF_CELL * (abs(n_x) + abs(n_y)) - (n_x * x0 + n_y * y0)
+        own_x = cos * n_x + sin * n_y
+        own_y = cos * n_y - sin * n_x
+        distance = n_x * x + n_y * y - scenario[edge + 2] - HALF_CELL * (abs(own_x) + abs(own_y))
         if distance > best:
             best = distance
-            best_x = n_x
-            best_y = n_y
-            best_edge = edge
+            best_x = own_x
+            best_y = own_y
+            best_edge = corner
     return best, best_x, best_y, best_edge
 
 

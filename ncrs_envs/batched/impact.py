@@ -79,8 +79,8 @@ def _separate(
             distance, _, _, face = separation_along_cell(scratch, 1)
             return distance, face, 0.0, 0.0
         return distance, -1.0, cos * n_x - sin * n_y, sin * n_x + cos * n_y
+    distance, n_x, n_y, _ = separation_along_quad(scenario, quad, x, y, cos, sin)
     corners = quad_to_cell_frame(scenario, quad, x, y, cos, sin, scratch)
-    distance, n_x, n_y, _ = separation_along_quad(scratch, corners)
     by_cell, _, _, face = separation_along_cell(scratch, corners)
     if by_cell > distance:
         return by_cell, face, 0.0, 0.0

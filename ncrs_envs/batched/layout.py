@@ -100,7 +100,10 @@ QUAD_CORNERS = 4
 """Number of corners of the convex hull, 3 or 4."""
 QUAD_POINTS = 5
 """x and y of each corner, counter-clockwise."""
-QUAD_SIZE = 13
+QUAD_EDGES = 13
+"""Of the edge from each corner to the next: its outward unit normal, and that times a point on it
+(3 numbers an edge; the normal is zero where two corners coincide)."""
+QUAD_SIZE = 25
 
 
 def robot_size(grid_size: int) -> int:

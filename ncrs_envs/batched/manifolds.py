@@ -29,6 +29,8 @@ from ncrs_envs.batched.layout import (
     MEMORY_NORMAL,
     MEMORY_SIZE,
     MEMORY_TANGENT,
+    QUAD_CORNERS,
+    QUAD_EDGES,
     QUAD_HIGH_X,
     QUAD_HIGH_Y,
     QUAD_LOW_X,
@@ -124,10 +126,19 @@ def _has_room(scratch: NDArray[np.float64], count: int) -> bool:
 def quad_is_near(
     scenario: NDArray[np.float64], quad: int, x: float, y: float, reach: float
 ) -> bool:
-    """Whether a quad's bounding box comes within ``reach`` of a point on both axes."""
-    near_y = scenario[quad + QUAD_LOW_Y] <= y + reach and scenario[quad + QUAD_HIGH_Y] >= y - reach
-    near_x = scenario[quad + QUAD_LOW_X] <= x + reach and scenario[quad + QUAD_HIGH_X] >= x - reach
-    return bool(near_y and near_x)
+    """Whether no side of a quad or of its bounding box is ``reach`` or more away from a point."""
+    if (
+        scenario[quad + QUAD_LOW_Y] > y + reach
+        or scenario[quad + QUAD_HIGH_Y] < y - reach
+        or scenario[quad + QUAD_LOW_X] > x + reach
+        or scenario[quad + QUAD_HIGH_X] < x - reach
+    ):
+        return False
+    for corner in range(int(scenario[quad + QUAD_CORNERS])):
+        edge = quad + QUAD_EDGES + 3 * corner
+        if scenario[edge] * x + scenario[edge + 1] * y - scenario[edge + 2] > reach:
+            return False
+    return True
 
 
 @kernel
@@ -179,9 +190,8 @@ def find_contacts(
             x = state[STATE_X] + cos * cell_x - sin * cell_y
             y = state[STATE_Y] + sin * cell_x + cos * cell_y
             if quad_is_near(scenario, quad, x, y, _HALF_DIAGONAL + 2.0 * SKIN):
-                corners = quad_to_cell_frame(scenario, quad, x, y, cos, sin, scratch)
                 before = count
-                count = _touch_quad(scratch, count, corners, cell_x, cell_y, x, y, cos, sin)
+                count = _touch_quad(scratch, count, scenario, quad, cell_x, cell_y, x, y, cos, sin)
                 for added in range(before, count):
                     scratch[contact_at(added) + KEY] += FEATURES * ((i + 1) * exposed + cell)
     _remember(state, scratch, count)
@@ -251,7 +261,8 @@ def _touch_circle(
 def _touch_quad(
     scratch: NDArray[np.float64],
     count: int,
-    corners: int,
+    scenario: NDArray[np.float64],
+    quad: int,
     cell_x: float,
     cell_y: float,
     x: float,
@@ -259,10 +270,11 @@ def _touch_quad(
     cos: float,
     sin: float,
 ) -> int:
-    """Add the contact points of a cell with the quad at the head of ``scratch``, if any."""
-    by_quad, quad_nx, quad_ny, edge = separation_along_quad(scratch, corners)
+    """Add the contact points of a cell with a quad, if any, and return the new number of points."""
+    by_quad, quad_nx, quad_ny, edge = separation_along_quad(scenario, quad, x, y, cos, sin)
     if by_quad > 2.0 * SKIN:
         return count
+    corners = quad_to_cell_frame(scenario, quad, x, y, cos, sin, scratch)
     by_cell, cell_nx, cell_ny, face = separation_along_cell(scratch, corners)
     if by_cell > 2.0 * SKIN:
         return count
@@ -275,7 +287,7 @@ def _touch_quad(
         f_x1 = HALF_CELL * (n_x - n_y)
         f_y1 = HALF_CELL * (n_y + n_x)
         edge = face
-        opposite = _facing_edge(scratch, corners, n_x, n_y)
+        opposite = _facing_edge(scenario, quad, cos * n_x - sin * n_y, sin * n_x + cos * n_y)
         p_x0, p_y0, p_x1, p_y1 = edge_of_quad(scratch, corners, opposite)
         kind = FACE_OF_ROBOT
     else:
@@ -333,19 +345,18 @@ def _touch_quad(
 
 
 @kernel
-def _facing_edge(points: NDArray[np.float64], corners: int, n_x: float, n_y: float) -> int:
-    """The quad's edge whose outward normal is most opposed to a direction."""
+def _facing_edge(scenario: NDArray[np.float64], quad: int, n_x: float, n_y: float) -> int:
+    """The quad's edge whose outward normal is most opposed to a world direction."""
     best = 2.0
     best_edge = 0
-    for edge in range(corners):
-        x0, y0, x1, y1 = edge_of_quad(points, corners, edge)
-        length = ((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0)) ** 0.5
-        if length == 0.0:
+    for corner in range(int(scenario[quad + QUAD_CORNERS])):
+        edge = quad + QUAD_EDGES + 3 * corner
+        if scenario[edge] == 0.0 and scenario[edge + 1] == 0.0:
             continue
-        opposed = (n_x * (y1 - y0) - n_y * (x1 - x0)) / length
+        opposed = n_x * scenario[edge] + n_y * scenario[edge + 1]
         if opposed < best:
             best = opposed
-            best_edge = edge
+            best_edge = corner
     return best_edge
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.batched.layout import (
     QUAD_CORNERS,
+    QUAD_EDGES,
     QUAD_HIGH_X,
     QUAD_HIGH_Y,
     QUAD_LOW_X,
@@ -151,7 +152,8 @@ def _quad(index: int) -> int:
 
 @kernel
 def _write_hull(quad: NDArray[np.float64], record: NDArray[np.float64]) -> None:
-    """The convex hull of four points, counter-clockwise, by gift wrapping from the lowest."""
+    """The convex hull of four points, counter-clockwise, by gift wrapping from the lowest, and its
+    edges."""
     first = 0
     for corner in range(1, 4):
         lower = quad[corner, 1] < quad[first, 1]
@@ -180,3 +182,16 @@ def _write_hull(quad: NDArray[np.float64], record: NDArray[np.float64]) -> None:
         if current == first:
             break
     record[QUAD_CORNERS] = count
+    for corner in range(count):
+        point = QUAD_POINTS + 2 * corner
+        following = point + 2 if corner + 1 < count else QUAD_POINTS
+        n_x = record[following + 1] - record[point + 1]
+        n_y = record[point] - record[following]
+        length = (n_x * n_x + n_y * n_y) ** 0.5
+        if length > 0.0:
+            n_x /= length
+            n_y /= length
+        edge = QUAD_EDGES + 3 * corner
+        record[edge] = n_x
+        record[edge + 1] = n_y
+        record[edge + 2] = n_x * record[point] + n_y * record[point + 1]
