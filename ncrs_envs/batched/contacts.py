@@ -25,11 +25,11 @@ from ncrs_envs.batched.layout import (
     SCENARIO_QUADS,
     SCENARIO_SEEN_X,
     SCENARIO_SEEN_Y,
-    SCENARIO_WALL_TOP,
     SETTING_HAS_BALL,
     STATE_ANGLE,
     STATE_BALL_X,
     STATE_BALL_Y,
+    STATE_CLEARANCE,
     STATE_MEMORY,
     STATE_TOUCHED,
     STATE_VX,
@@ -40,9 +40,10 @@ from ncrs_envs.batched.layout import (
 from ncrs_envs.batched.manifolds import (
     LINEAR_SLOP,
     SKIN,
+    distance_from_quad,
     find_contacts,
     keep_impulses,
-    quad_is_near,
+    near_quads,
 )
 from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, MAX_TRANSLATION
 
@@ -55,6 +56,24 @@ _IMPACT_SWEEPS = 20
 _IMPACT_TOLERATED = 1.5 * LINEAR_SLOP
 _MAX_IMPACTS = 8
 """Impacts solved in one step; at one more the robot stays where it is until the next step."""
+
+
+@kernel
+def _clearance(
+    robot: NDArray[np.float64], scenario: NDArray[np.float64], state: NDArray[np.float64]
+) -> float:
+    """A lower bound on how far the robot can move before it touches the light or a wall."""
+    x = state[STATE_X]
+    y = state[STATE_Y]
+    from_x = scenario[SCENARIO_SEEN_X] - x
+    from_y = scenario[SCENARIO_SEEN_Y] - y
+    least = math.sqrt(from_x * from_x + from_y * from_y) - LIGHT_RADIUS
+    for i in range(int(scenario[SCENARIO_QUADS])):
+        quad = SCENARIO_HEADER + QUAD_SIZE * i
+        if scenario[quad + QUAD_LOW_Y] - y > least:
+            break
+        least = min(least, distance_from_quad(scenario, quad, x, y))
+    return float(least - robot[ROBOT_RADIUS] - 2.0 * SKIN)
 
 
 @kernel
@@ -72,21 +91,11 @@ def _is_free(
         return bool(x * x + y * y > reach * reach)
     squared = state[STATE_VX] * state[STATE_VX] + state[STATE_VY] * state[STATE_VY]
     travel = min(DT * math.sqrt(squared), MAX_TRANSLATION)
-    reach = robot[ROBOT_RADIUS] + LIGHT_RADIUS + SKIN + travel
-    x = scenario[SCENARIO_SEEN_X] - state[STATE_X]
-    y = scenario[SCENARIO_SEEN_Y] - state[STATE_Y]
-    if x * x + y * y <= reach * reach:
-        return False
-    reach = robot[ROBOT_RADIUS] + 2.0 * SKIN + travel
-    if state[STATE_Y] - reach > scenario[SCENARIO_WALL_TOP]:
-        return True
-    for i in range(int(scenario[SCENARIO_QUADS])):
-        quad = SCENARIO_HEADER + QUAD_SIZE * i
-        if scenario[quad + QUAD_LOW_Y] > state[STATE_Y] + reach:
-            return True
-        if quad_is_near(scenario, quad, state[STATE_X], state[STATE_Y], reach):
-            return False
-    return True
+    if state[STATE_CLEARANCE] <= travel:
+        state[STATE_CLEARANCE] = _clearance(robot, scenario, state)
+    is_free = state[STATE_CLEARANCE] > travel
+    state[STATE_CLEARANCE] -= travel
+    return bool(is_free)
 
 
 @kernel
@@ -109,8 +118,10 @@ def move_with_contacts(
         if has_ball:
             move_ball(state)
         return
+    state[STATE_CLEARANCE] = 0.0
     robot_from = (state[STATE_X], state[STATE_Y], state[STATE_ANGLE])
-    count = find_contacts(settings, robot, cells, scenario, state, scratch)
+    near = near_quads(robot, scenario, state)
+    count = find_contacts(settings, robot, cells, scenario, near, state, scratch)
     if count > 0:
         state[STATE_TOUCHED] = 1.0
         solve_velocities(robot, state, scratch, count, True)
@@ -122,7 +133,7 @@ def move_with_contacts(
     if count > 0:
         correct_positions(robot, state, scratch, count, _STEP_SHARE, _STEP_SWEEPS, _STEP_TOLERATED)
     if not has_ball:
-        _stop_at_impacts(settings, robot, cells, scenario, state, scratch, robot_from)
+        _stop_at_impacts(settings, robot, cells, scenario, near, state, scratch, robot_from)
 
 
 @kernel
@@ -131,6 +142,7 @@ def _stop_at_impacts(
     robot: NDArray[np.float64],
     cells: NDArray[np.int32],
     scenario: NDArray[np.float64],
+    near: tuple[int, int],
     state: NDArray[np.float64],
     scratch: NDArray[np.float64],
     robot_from: tuple[float, float, float],
@@ -139,14 +151,14 @@ def _stop_at_impacts(
     left = 1.0
     for impact in range(_MAX_IMPACTS + 1):
         last = impact == _MAX_IMPACTS
-        time = time_of_impact(robot, cells, scenario, state, robot_from, scratch, last)
+        time = time_of_impact(robot, cells, scenario, near, state, robot_from, scratch, last)
         if time >= 1.0:
             return
         state[STATE_X] = robot_from[0] + time * (state[STATE_X] - robot_from[0])
         state[STATE_Y] = robot_from[1] + time * (state[STATE_Y] - robot_from[1])
         turn_to(state, robot_from[2] + time * (state[STATE_ANGLE] - robot_from[2]))
         left *= 1.0 - time
-        count = find_contacts(settings, robot, cells, scenario, state, scratch)
+        count = find_contacts(settings, robot, cells, scenario, near, state, scratch)
         state[STATE_TOUCHED] = 1.0
         correct_positions(
             robot, state, scratch, count, _IMPACT_SHARE, _IMPACT_SWEEPS, _IMPACT_TOLERATED

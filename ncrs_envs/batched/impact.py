@@ -23,20 +23,18 @@ from ncrs_envs.batched.layout import (
     CELLS_EXPOSED,
     CELLS_GRID_SIZE,
     QUAD_CORNERS,
-    QUAD_LOW_Y,
     QUAD_POINTS,
     QUAD_SIZE,
     ROBOT_HEADER,
     ROBOT_RADIUS,
     SCENARIO_HEADER,
-    SCENARIO_QUADS,
     SCENARIO_SEEN_X,
     SCENARIO_SEEN_Y,
     STATE_ANGLE,
     STATE_X,
     STATE_Y,
 )
-from ncrs_envs.batched.manifolds import LINEAR_SLOP, SKIN, quad_is_near
+from ncrs_envs.batched.manifolds import LINEAR_SLOP, SKIN, distance_from_quad
 from ncrs_envs.physics import LIGHT_RADIUS
 
 NO_QUAD = -1
@@ -198,6 +196,7 @@ def time_of_impact(
     robot: NDArray[np.float64],
     cells: NDArray[np.int32],
     scenario: NDArray[np.float64],
+    near: tuple[int, int],
     state: NDArray[np.float64],
     robot_from: Pose,
     scratch: NDArray[np.float64],
@@ -211,6 +210,7 @@ def time_of_impact(
         robot: the robot's record.
         cells: the robot's indices.
         scenario: the run's scenario.
+        near: which quads to look at, from ``manifolds.near_quads``.
         state: holds the pose at the end of the move.
         robot_from: centre of mass and angle at its start.
         scratch: its head is used.
@@ -245,11 +245,9 @@ def time_of_impact(
     reach = robot[ROBOT_RADIUS] + length + 2.0 * SKIN
     cos = math.cos(robot_from[2])
     sin = math.sin(robot_from[2])
-    for i in range(int(scenario[SCENARIO_QUADS])):
+    for i in range(near[0], near[1]):
         quad = SCENARIO_HEADER + QUAD_SIZE * i
-        if scenario[quad + QUAD_LOW_Y] > robot_from[1] + reach:
-            break
-        if not quad_is_near(scenario, quad, robot_from[0], robot_from[1], reach):
+        if distance_from_quad(scenario, quad, robot_from[0], robot_from[1]) > reach:
             continue
         for cell in range(cells[CELLS_EXPOSED]):
             cell_x = robot[start + 2 * cell]
@@ -257,7 +255,11 @@ def time_of_impact(
             x = robot_from[0] + cos * cell_x - sin * cell_y
             y = robot_from[1] + sin * cell_x + cos * cell_y
             arc = abs(move[2]) * math.sqrt(cell_x * cell_x + cell_y * cell_y)
-            if quad_is_near(scenario, quad, x, y, _HALF_DIAGONAL + length + arc + 2.0 * SKIN):
+            cell_reach = _HALF_DIAGONAL + length + arc + 2.0 * SKIN
+            if (
+                distance_from_quad(scenario, quad, x, y)
+                <= _HALF_DIAGONAL + length + arc + 2.0 * SKIN
+            ):
                 latest = _time_of_cell(
                     scenario,
                     quad,

@@ -37,9 +37,11 @@ STATE_CROSSED = 14
 """1 as soon as the grid's centre has been above y = 0."""
 STATE_TOUCHED = 15
 """1 if the robot touched the light, the ball or a wall in the last step."""
-STATE_MEMORY = 16
+STATE_CLEARANCE = 16
+"""How far the robot can move at least before it can touch the light or a wall."""
+STATE_MEMORY = 17
 """Number of contact points whose impulses are kept for the next step."""
-STATE_MEMORIES = 17
+STATE_MEMORIES = 18
 """One record of MEMORY_SIZE for each of at most MEMORIES contact points."""
 MEMORIES = 16
 MEMORY_KEY = 0

@@ -52,7 +52,7 @@ from ncrs_envs.batched.layout import (
     STATE_X,
     STATE_Y,
 )
-from ncrs_envs.physics import BALL_RADIUS, LIGHT_RADIUS
+from ncrs_envs.physics import BALL_RADIUS, LIGHT_RADIUS, MAX_TRANSLATION
 
 LINEAR_SLOP = 0.005
 """Overlap of skins that is left standing (Box2D)."""
@@ -123,22 +123,38 @@ def _has_room(scratch: NDArray[np.float64], count: int) -> bool:
 
 
 @kernel
-def quad_is_near(
-    scenario: NDArray[np.float64], quad: int, x: float, y: float, reach: float
-) -> bool:
-    """Whether no side of a quad or of its bounding box is ``reach`` or more away from a point."""
-    if (
-        scenario[quad + QUAD_LOW_Y] > y + reach
-        or scenario[quad + QUAD_HIGH_Y] < y - reach
-        or scenario[quad + QUAD_LOW_X] > x + reach
-        or scenario[quad + QUAD_HIGH_X] < x - reach
-    ):
-        return False
+def distance_from_quad(scenario: NDArray[np.float64], quad: int, x: float, y: float) -> float:
+    """A lower bound on the distance of a point from a quad, from the sides of the quad and of its
+    bounding box; negative inside."""
+    most = max(
+        max(scenario[quad + QUAD_LOW_Y] - y, y - scenario[quad + QUAD_HIGH_Y]),
+        max(scenario[quad + QUAD_LOW_X] - x, x - scenario[quad + QUAD_HIGH_X]),
+    )
     for corner in range(int(scenario[quad + QUAD_CORNERS])):
         edge = quad + QUAD_EDGES + 3 * corner
-        if scenario[edge] * x + scenario[edge + 1] * y - scenario[edge + 2] > reach:
-            return False
-    return True
+        outward = scenario[edge] * x + scenario[edge + 1] * y - scenario[edge + 2]
+        if scenario[edge] != 0.0 or scenario[edge + 1] != 0.0:
+            most = max(most, outward)
+    return float(most)
+
+
+@kernel
+def near_quads(
+    robot: NDArray[np.float64], scenario: NDArray[np.float64], state: NDArray[np.float64]
+) -> tuple[int, int]:
+    """First index and end of the quads that the robot can touch in this step, however it moves."""
+    reach = robot[ROBOT_RADIUS] + 2.0 * MAX_TRANSLATION
+    quads = int(scenario[SCENARIO_QUADS])
+    first = quads
+    end = 0
+    for i in range(quads):
+        quad = SCENARIO_HEADER + QUAD_SIZE * i
+        if scenario[quad + QUAD_LOW_Y] > state[STATE_Y] + reach:
+            break
+        if distance_from_quad(scenario, quad, state[STATE_X], state[STATE_Y]) <= reach:
+            first = min(first, i)
+            end = i + 1
+    return first, end
 
 
 @kernel
@@ -147,10 +163,21 @@ def find_contacts(
     robot: NDArray[np.float64],
     cells: NDArray[np.int32],
     scenario: NDArray[np.float64],
+    near: tuple[int, int],
     state: NDArray[np.float64],
     scratch: NDArray[np.float64],
 ) -> int:
-    """Write the contact points of the current poses into ``scratch`` and return their number."""
+    """Write the contact points of the current poses into ``scratch`` and return their number.
+
+    Args:
+        settings: the task's settings.
+        robot: the robot's record.
+        cells: the robot's indices.
+        scenario: the run's scenario.
+        near: which quads to look at, from ``near_quads``.
+        state: the run's state.
+        scratch: output.
+    """
     has_ball = settings[SETTING_HAS_BALL] != 0.0
     circle_x = state[STATE_BALL_X] if has_ball else scenario[SCENARIO_SEEN_X]
     circle_y = state[STATE_BALL_Y] if has_ball else scenario[SCENARIO_SEEN_Y]
@@ -178,18 +205,16 @@ def find_contacts(
             if count > before:
                 scratch[contact_at(before) + KEY] = FEATURES * cell
     reach = robot[ROBOT_RADIUS] + 2.0 * SKIN
-    for i in range(int(scenario[SCENARIO_QUADS])):
+    for i in range(near[0], near[1]):
         quad = SCENARIO_HEADER + QUAD_SIZE * i
-        if scenario[quad + QUAD_LOW_Y] > state[STATE_Y] + reach:
-            break
-        if not quad_is_near(scenario, quad, state[STATE_X], state[STATE_Y], reach):
+        if distance_from_quad(scenario, quad, state[STATE_X], state[STATE_Y]) > reach:
             continue
         for cell in range(exposed):
             cell_x = robot[start + 2 * cell]
             cell_y = robot[start + 2 * cell + 1]
             x = state[STATE_X] + cos * cell_x - sin * cell_y
             y = state[STATE_Y] + sin * cell_x + cos * cell_y
-            if quad_is_near(scenario, quad, x, y, _HALF_DIAGONAL + 2.0 * SKIN):
+            if distance_from_quad(scenario, quad, x, y) <= _HALF_DIAGONAL + 2.0 * SKIN:
                 before = count
                 count = _touch_quad(scratch, count, scenario, quad, cell_x, cell_y, x, y, cos, sin)
                 for added in range(before, count):
