@@ -256,10 +256,7 @@ def time_of_impact(
             y = robot_from[1] + sin * cell_x + cos * cell_y
             arc = abs(move[2]) * math.sqrt(cell_x * cell_x + cell_y * cell_y)
             cell_reach = _HALF_DIAGONAL + length + arc + 2.0 * SKIN
-            if (
-                distance_from_quad(scenario, quad, x, y)
-                <= _HALF_DIAGONAL + length + arc + 2.0 * SKIN
-            ):
+            if distance_from_quad(scenario, quad, x, y) <= cell_reach:
                 latest = _time_of_cell(
                     scenario,
                     quad,
