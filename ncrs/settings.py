@@ -14,7 +14,7 @@ from typing import Any, get_type_hints
 
 from ncrs.checkpoint import write_json
 from ncrs.engines.base import check_engine, check_workers
-from ncrs.optimizers.base import check_optimizer
+from ncrs.optimizers.base import check_settings
 from ncrs_envs.body import DEFAULT_GRID_SIZE
 from ncrs_envs.tasks import TaskSettings, task_settings
 
@@ -37,13 +37,22 @@ class TaskConfig:
 
 @dataclass
 class OptimizerConfig:
-    """Which optimizer; see ``CMAES`` for what the settings mean."""
+    """Which optimizer, and its settings; null means that optimizer's own default.
+
+    Every optimizer knows some of the settings; giving it another is an error.
+    """
 
     name: str = "sep_cma_es"
-    sigma: float = 0.03
-    population: int = 112
-    told_popsize: bool = True
-    step_size: str = "csa"
+    sigma: float | None = None
+    population: int | None = None
+    told_popsize: bool | None = None
+    step_size: str | None = None
+
+    def given(self) -> dict[str, Any]:
+        """The settings that are not null, without the name."""
+        values = asdict(self)
+        del values["name"]
+        return {key: value for key, value in values.items() if value is not None}
 
 
 @dataclass
@@ -85,7 +94,7 @@ class TrainConfig:
         """Return this if all values are in range, else raise ``ConfigError``."""
         try:
             self.task_settings()
-            check_optimizer(self.optimizer.name)
+            check_settings(self.optimizer.name, self.optimizer.given())
             check_engine(self.engine.name)
             check_workers(self.engine.workers)
         except ValueError as error:
@@ -97,15 +106,10 @@ class TrainConfig:
             "champion_every": (self.champion_every, 1),
             "champion_runs": (self.champion_runs, 1),
             "checkpoint_seconds": (self.checkpoint_seconds, 0),
-            "optimizer.population": (self.optimizer.population, 2),
         }
         for name, (value, bound) in least.items():
             if not value >= bound:
                 raise ConfigError(f"{name} must be at least {bound}, got {value!r}.")
-        if not 0 < self.optimizer.sigma < float("inf"):
-            raise ConfigError(
-                f"optimizer.sigma must be positive and finite, got {self.optimizer.sigma!r}."
-            )
         return self
 
 

@@ -59,6 +59,7 @@ class Trainer:
         run_dir: the run's folder, made if missing.
 
     Raises:
+        ConfigError: a setting that the optimizer refuses at this size.
         RunError: another process writes there; or the folder holds a run and ``config.resume`` is
             not set; or it holds none and ``config.resume`` is set.
         CheckpointError: no checkpoint is whole.
@@ -69,15 +70,15 @@ class Trainer:
         self._run_dir = run_dir
         self._settings = config.task_settings()
         dimension = nca_layout(self._settings.task).num_parameters
-        self._optimizer = make_optimizer(
-            config.optimizer.name,
-            dimension,
-            self._stream(_OPTIMIZER_STREAM),
-            sigma=config.optimizer.sigma,
-            population=config.optimizer.population,
-            told_popsize=config.optimizer.told_popsize,
-            step_size=config.optimizer.step_size,
-        )
+        try:
+            self._optimizer = make_optimizer(
+                config.optimizer.name,
+                dimension,
+                self._stream(_OPTIMIZER_STREAM),
+                **config.optimizer.given(),
+            )
+        except OptimizerError as error:
+            raise ConfigError(str(error)) from error
         self._champion_scenarios = sample_scenarios(
             self._settings.task,
             self._stream(_CHAMPION_STREAM),
@@ -156,7 +157,7 @@ class Trainer:
                     with self._timer.phase("ask"):
                         genomes = self._optimizer.ask()
                     with self._timer.phase("evaluate"):
-                        evaluation = engine.evaluate(genomes, self._scenarios(), stop)
+                        evaluation = engine.evaluate(genomes, self._scenarios(len(genomes)), stop)
                     with self._timer.phase("tell"):
                         self._optimizer.tell(evaluation.fitness)
                 except EvaluationInterrupted:
@@ -192,7 +193,7 @@ class Trainer:
     def _is_last(self) -> bool:
         return self._generation == self._config.generations
 
-    def _scenarios(self) -> list[Scenario] | list[list[Scenario]]:
+    def _scenarios(self, population: int) -> list[Scenario] | list[list[Scenario]]:
         """Scenarios of the current generation: one set for all genomes, or one for each."""
         config, settings = self._config, self._settings
 
@@ -202,7 +203,7 @@ class Trainer:
 
         if config.common_scenarios:
             return draw()
-        return [draw(genome) for genome in range(config.optimizer.population)]
+        return [draw(genome) for genome in range(population)]
 
     def _count(self, evaluation: Evaluation) -> None:
         self._evaluations += len(evaluation.fitness)

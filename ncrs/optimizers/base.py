@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -151,6 +152,8 @@ def _plain(state: Any) -> Any:
     return state.item() if isinstance(state, np.generic) else state
 
 
+_TRIAL_DIMENSION = 100
+
 # Module and class of each optimizer, and the settings that its name stands for.
 OPTIMIZERS: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "cma_es": ("ncrs.optimizers.cma_es", "CMAES", {"diagonal": False}),
@@ -158,18 +161,31 @@ OPTIMIZERS: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
 }
 
 
-def check_optimizer(name: str) -> str:
-    """Return ``name`` if there is such an optimizer, else raise ``OptimizerError``."""
+def _optimizer_class(name: str) -> type[Optimizer]:
     if name not in OPTIMIZERS:
         raise OptimizerError(f"Unknown optimizer {name!r}; choose one of {sorted(OPTIMIZERS)}.")
-    return name
+    module, attribute, _ = OPTIMIZERS[name]
+    cls: type[Optimizer] = getattr(importlib.import_module(module), attribute)
+    return cls
+
+
+def check_settings(name: str, settings: Mapping[str, Any]) -> None:
+    """Raise ``OptimizerError`` unless there is such an optimizer and its settings are in range.
+
+    The range is checked by making a small one.
+    """
+    known = inspect.signature(_optimizer_class(name)).parameters.values()
+    fixed = OPTIMIZERS[name][2]
+    names = [p.name for p in known if p.kind is p.KEYWORD_ONLY and p.name not in fixed]
+    unknown = sorted(set(settings) - set(names))
+    if unknown:
+        raise OptimizerError(f"{name} has no setting {', '.join(unknown)}; it has {names}.")
+    make_optimizer(name, _TRIAL_DIMENSION, np.random.SeedSequence(0), **settings)
 
 
 def make_optimizer(
     name: str, dimension: int, seed: np.random.SeedSequence, **settings: Any
 ) -> Optimizer:
-    """Make the optimizer of that name; ``OptimizerError`` if there is none."""
-    module, attribute, fixed = OPTIMIZERS[check_optimizer(name)]
-    cls = getattr(importlib.import_module(module), attribute)
-    optimizer: Optimizer = cls(dimension, seed, **fixed, **settings)
-    return optimizer
+    """Make the optimizer of that name; ``OptimizerError`` if unknown, or for a bad setting."""
+    cls = _optimizer_class(name)
+    return cls(dimension, seed, **OPTIMIZERS[name][2], **settings)
