@@ -62,7 +62,15 @@ def _box2d_sync(env_id: str, **kwargs: Any) -> Any:
     return OneOfMany(gymnasium.make_vec(env_id, 1, vectorization_mode="sync", **kwargs))
 
 
-BACKENDS: dict[str, Callable[..., Any]] = {"box2d": _box2d, "box2d-sync": _box2d_sync}
+def _batched(env_id: str, **kwargs: Any) -> Any:
+    return OneOfMany(gymnasium.make_vec(env_id, 1, **kwargs))
+
+
+BACKENDS: dict[str, Callable[..., Any]] = {
+    "box2d": _box2d,
+    "box2d-sync": _box2d_sync,
+    "batched": _batched,
+}
 
 
 @pytest.fixture(params=ENV_IDS)
