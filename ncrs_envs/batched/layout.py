@@ -90,9 +90,7 @@ SCENARIO_TARGET_X = 4
 SCENARIO_TARGET_Y = 5
 SCENARIO_QUADS = 6
 """Number of wall quads."""
-SCENARIO_WALL_TOP = 7
-"""Largest y of any wall; minus infinity without walls."""
-SCENARIO_HEADER = 8
+SCENARIO_HEADER = 7
 
 QUAD_LOW_Y = 0
 QUAD_HIGH_Y = 1

@@ -23,7 +23,6 @@ from ncrs_envs.batched.layout import (
     SCENARIO_SEEN_X,
     SCENARIO_START_X,
     SCENARIO_TARGET_X,
-    SCENARIO_WALL_TOP,
     SETTING_EXTENT,
     SETTING_HAS_BALL,
     SETTING_INVERSE_SQUARE,
@@ -93,7 +92,6 @@ def scenario_arrays(
     for row, scenario in zip(rows, scenarios, strict=True):
         row[:SCENARIO_HEADER] = np.nan
         row[SCENARIO_QUADS] = 0.0
-        row[SCENARIO_WALL_TOP] = -np.inf
         _place(row, SCENARIO_START_X, scenario.start)
         _place(row, SCENARIO_SEEN_X, scenario.ball if scenario.light is None else scenario.light)
         _place(row, SCENARIO_TARGET_X, scenario.target)
@@ -140,7 +138,6 @@ def prepare_walls(quads: NDArray[np.float64], scenario: NDArray[np.float64]) -> 
         record[QUAD_LOW_Y] = low_y
         record[QUAD_HIGH_Y] = high_y
         _write_hull(quad, record)
-        scenario[SCENARIO_WALL_TOP] = max(scenario[SCENARIO_WALL_TOP], high_y)
         count += 1
     scenario[SCENARIO_QUADS] = count
 
