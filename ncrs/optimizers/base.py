@@ -11,6 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.archive import Additions, Archive
+
 State = dict[str, Any]
 """Arrays, and values that JSON can hold: what a checkpoint stores."""
 
@@ -31,6 +33,8 @@ class Optimizer(ABC):
     """
 
     name: ClassVar[str]
+    candidate_source: ClassVar[str] = "mean"
+    """What ``mean`` is: the search distribution's "mean", or the archive's best "elite"."""
 
     def __init__(self, dimension: int, seed: np.random.SeedSequence) -> None:
         if dimension < 1:
@@ -53,11 +57,20 @@ class Optimizer(ABC):
         self._asked = self._ask()
         return self._asked
 
-    def tell(self, fitness: Fitness) -> None:
+    def attach(self, archive: Archive) -> None:  # noqa: B027 - most have no use for it
+        """Give the optimizer the run's archive, which the caller adds to before each ``tell``.
+
+        Raises:
+            OptimizerError: its genomes have another length.
+        """
+
+    def tell(self, fitness: Fitness, added: Additions | None = None) -> None:
         """Learn from the fitness of the last population.
 
         Args:
             fitness: one value per genome, shape ``(P,)``, larger is better. NaN ranks worst.
+            added: what adding the population to the archive did; only quality-diversity optimizers
+                need it.
 
         Raises:
             OptimizerError: nothing was asked, another number of values, an infinite value, or
@@ -79,7 +92,7 @@ class Optimizer(ABC):
         if np.isnan(values).all():
             raise OptimizerError(f"All {len(values)} fitness values are NaN.")
         asked, self._asked, self._before_ask = self._asked, None, None
-        self._tell(asked, _rank_nan_worst(values))
+        self._tell(asked, _rank_nan_worst(values), added)
 
     def state(self) -> State:
         """All that the future depends on. With a population pending, the state from which ``ask``
@@ -129,7 +142,7 @@ class Optimizer(ABC):
     def _ask(self) -> Genomes: ...
 
     @abstractmethod
-    def _tell(self, asked: Genomes, fitness: Fitness) -> None: ...
+    def _tell(self, asked: Genomes, fitness: Fitness, added: Additions | None) -> None: ...
 
     @abstractmethod
     def _state(self) -> State: ...
@@ -158,6 +171,9 @@ _TRIAL_DIMENSION = 100
 OPTIMIZERS: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "cma_es": ("ncrs.optimizers.cma_es", "CMAES", {"diagonal": False}),
     "sep_cma_es": ("ncrs.optimizers.cma_es", "CMAES", {"diagonal": True}),
+    "cma_me": ("ncrs.optimizers.cma_me", "CMAME", {}),
+    "cma_mae": ("ncrs.optimizers.cma_mae", "CMAMAE", {}),
+    "map_elites": ("ncrs.optimizers.map_elites", "MAPElites", {}),
 }
 
 

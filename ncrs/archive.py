@@ -1,0 +1,326 @@
+"""The archive of a quality-diversity search: the best genome of every feature triple.
+
+Source: paper section 5. Nothing here knows tasks or environments, so that optimizers can use it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from enum import IntEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+PAPER_TRIPLES = 2024
+"""The paper divides by this in all tasks; it is the number of triples of CarryBall alone."""
+SEED_LENGTH = 4
+"""Integers that say where an elite's scenarios came from, see ``Archive.add``."""
+NO_CELL = -1
+STANDING_STILL_MARGIN = 0.01
+"""An elite beats standing still if it earns at least this much more: a robot that merely creeps
+gains less (0.01 is about 1.4 units nearer to LightChase's light, averaged over an episode)."""
+SUCCESS_SHARE = 0.5
+"""An elite succeeds if at least this share of its runs does."""
+
+
+class ArchiveError(ValueError):
+    """Values that an archive cannot take, or a state of another archive."""
+
+
+class Status(IntEnum):
+    """What adding a genome did."""
+
+    NONE = 0
+    IMPROVED = 1
+    NEW = 2
+
+
+@dataclass(frozen=True)
+class Additions:
+    """What adding P genomes did, one after the other."""
+
+    cells: NDArray[np.int64]
+    """Cell of each genome, ``(P,)``; -1 without one: an invalid body, or NaN fitness."""
+    status: NDArray[np.int8]
+    """``Status`` of each, ``(P,)``."""
+    improvement: NDArray[np.float64]
+    """Fitness minus that of the elite found in the cell, or fitness itself if the cell was empty
+    (Fontaine et al. 2020, algorithm 2); ``(P,)``, NaN without a cell."""
+
+
+@dataclass(frozen=True)
+class FeatureSpace:
+    """All feature triples (sensors, wheels, cells) that bodies can have.
+
+    Those with ``sensors >= min_sensors``, ``wheels >= min_wheels`` and
+    ``sensors + wheels <= cells <= max_cells``: 2,300 for one sensor and two wheels on 5 x 5 cells,
+    2,024 for two sensors.
+    """
+
+    min_sensors: int
+    min_wheels: int
+    max_cells: int
+
+    @cached_property
+    def triples(self) -> NDArray[np.int64]:
+        """All triples in lexicographic order, ``(K, 3)``."""
+        axis = np.arange(self.max_cells + 1)
+        sensors, wheels, cells = np.meshgrid(axis, axis, axis, indexing="ij")
+        possible = (sensors >= self.min_sensors) & (wheels >= self.min_wheels)
+        possible &= sensors + wheels <= cells
+        return np.argwhere(possible)
+
+    @cached_property
+    def _table(self) -> NDArray[np.int64]:
+        table = np.full((self.max_cells + 1,) * 3, NO_CELL, dtype=np.int64)
+        table[tuple(self.triples.T)] = np.arange(len(self.triples))
+        return table
+
+    def cells(self, features: NDArray[np.integer]) -> NDArray[np.int64]:
+        """Index into ``triples`` of each row of ``features``, ``(P,)``; -1 if it is no triple."""
+        inside = ((features >= 0) & (features <= self.max_cells)).all(axis=1)
+        clipped = np.clip(features, 0, self.max_cells)
+        return np.where(inside, self._table[tuple(clipped.T)], NO_CELL)
+
+
+class Archive:
+    """One elite per feature triple, replaced when a better one comes.
+
+    Args:
+        space: the possible triples, K of them.
+        dimension: length N of a genome.
+        grid_size: side n of the bodies' grid.
+    """
+
+    def __init__(self, space: FeatureSpace, dimension: int, grid_size: int) -> None:
+        self.space = space
+        self.dimension = int(dimension)
+        self.grid_size = int(grid_size)
+        size = len(space.triples)
+        # Pages of zeros take no memory before they are written to.
+        self._columns: dict[str, NDArray[Any]] = {
+            "genomes": np.zeros((size, dimension), dtype=np.float32),
+            "bodies": np.zeros((size, grid_size, grid_size), dtype=np.int8),
+            "fitness": np.full(size, np.nan),
+            "success": np.full(size, np.nan),
+            "standing_still": np.full(size, np.nan),
+            "generations": np.zeros(size, dtype=np.int64),
+            "seeds": np.zeros((size, SEED_LENGTH), dtype=np.int64),
+        }
+
+    def __len__(self) -> int:
+        """Number of elites."""
+        return int(self._filled.sum())
+
+    @property
+    def _filled(self) -> NDArray[np.bool_]:
+        return ~np.isnan(self._columns["fitness"])
+
+    @property
+    def cells(self) -> NDArray[np.int64]:
+        """Indices of the filled cells in ascending order, ``(E,)``."""
+        return np.flatnonzero(self._filled)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """A copy of one property of all elites, in the order of ``cells``.
+
+        Args:
+            name: "genomes" float32 ``(E, N)``, "bodies" int8 ``(E, n, n)``, "fitness" float64,
+                "success" float64 (share of runs, 0 to 1), "standing_still" float64 (what standing
+                still earns in the elite's scenarios), "generations" int64, or "seeds" int64
+                ``(E, 4)``; the others are ``(E,)``.
+        """
+        taken: NDArray[Any] = self._columns[name][self.cells]
+        return taken
+
+    @property
+    def features(self) -> NDArray[np.int64]:
+        """Triples of the elites, ``(E, 3)``."""
+        return self.space.triples[self.cells]
+
+    def add(
+        self,
+        genomes: NDArray[np.floating],
+        fitness: NDArray[np.float64],
+        features: NDArray[np.integer],
+        bodies: NDArray[np.int8],
+        *,
+        success: NDArray[np.float64] | float = 0.0,
+        standing_still: NDArray[np.float64] | float = 0.0,
+        generation: int = 0,
+        seeds: NDArray[np.int64] | None = None,
+    ) -> Additions:
+        """Offer genomes in order; each replaces the elite of its triple if its fitness is larger.
+
+        Args:
+            genomes: ``(P, N)``, kept in float32.
+            fitness: ``(P,)``; NaN is never an elite.
+            features: ``(P, 3)``; -1 for bodies that the task cannot use, which are never elites.
+            bodies: ``(P, n, n)``.
+            success: share of each genome's runs that succeeded, ``(P,)`` or one for all.
+            standing_still: what standing still earns in its scenarios, likewise.
+            generation: when they were evaluated.
+            seeds: ``(P, 4)`` or ``(4,)``: entropy, then spawn key of the ``SeedSequence`` of the
+                scenarios, filled up with -1. None for zeros.
+
+        Raises:
+            ArchiveError: a shape that does not fit, or infinite fitness; nothing was added.
+        """
+        fitness = np.asarray(fitness, dtype=np.float64)
+        count = len(fitness)
+        self._check("genomes", genomes, (count, self.dimension))
+        self._check("features", features, (count, 3))
+        self._check("bodies", bodies, (count, self.grid_size, self.grid_size))
+        _check_not_infinite(fitness)
+        offered = {
+            "genomes": genomes,
+            "bodies": bodies,
+            "fitness": fitness,
+            "success": np.broadcast_to(success, count),
+            "standing_still": np.broadcast_to(standing_still, count),
+            "generations": np.broadcast_to(generation, count),
+            "seeds": np.broadcast_to(0 if seeds is None else seeds, (count, SEED_LENGTH)),
+        }
+        cells = np.where(np.isnan(fitness), NO_CELL, self.space.cells(np.asarray(features)))
+        status = np.zeros(count, dtype=np.int8)
+        improvement = np.full(count, np.nan)
+        best = self._columns["fitness"]
+        for index in np.flatnonzero(cells != NO_CELL):
+            cell, value = cells[index], fitness[index]
+            if np.isnan(best[cell]):
+                status[index], improvement[index] = Status.NEW, value
+            else:
+                improvement[index] = value - best[cell]
+                status[index] = Status.IMPROVED if value > best[cell] else Status.NONE
+            if status[index] != Status.NONE:
+                for name, column in self._columns.items():
+                    column[cell] = offered[name][index]
+        return Additions(cells, status, improvement)
+
+    def replace_estimates(
+        self,
+        fitness: NDArray[np.float64],
+        success: NDArray[np.float64],
+        standing_still: NDArray[np.float64] | float,
+        seeds: NDArray[np.int64],
+    ) -> None:
+        """Give all elites new estimates, in the order of ``cells``; those with NaN are dropped.
+
+        Args:
+            fitness, success, standing_still, seeds: as for ``add``, for the E elites.
+
+        Raises:
+            ArchiveError: another number of values, or infinite fitness; nothing was changed.
+        """
+        cells = self.cells
+        self._check("fitness", fitness, (len(cells),))
+        self._check("success", success, (len(cells),))
+        _check_not_infinite(fitness)
+        self._columns["fitness"][cells] = fitness
+        self._columns["success"][cells] = success
+        self._columns["standing_still"][cells] = standing_still
+        self._columns["seeds"][cells] = seeds
+
+    def draw(self, generator: np.random.Generator, count: int) -> NDArray[np.float64]:
+        """Genomes of ``count`` elites, drawn uniformly with replacement, float64 ``(count, N)``.
+
+        Raises:
+            ArchiveError: the archive is empty.
+        """
+        cells = self.cells
+        if not len(cells):
+            raise ArchiveError("There is no elite to draw: the archive is empty.")
+        drawn = cells[generator.integers(len(cells), size=count)]
+        return np.asarray(self._columns["genomes"][drawn], dtype=np.float64)
+
+    def best_genome(self) -> NDArray[np.float64] | None:
+        """Genome of the fittest elite, float64 ``(N,)``; None if the archive is empty."""
+        if not len(self):
+            return None
+        best = int(np.nanargmax(self._columns["fitness"]))
+        return np.asarray(self._columns["genomes"][best], dtype=np.float64)
+
+    def statistics(self) -> dict[str, float]:
+        """Numbers for reports; best and mean are left out while the archive is empty.
+
+        "filled_share" and "qd_score" (sum of the elites' fitness) are per possible triple, the
+        "_of_2024" ones per triple as the paper counts them. "beat_standing_still" and "succeed"
+        count elites, see ``STANDING_STILL_MARGIN`` and ``SUCCESS_SHARE``.
+        """
+        fitness = self.column("fitness")
+        gain = fitness - self.column("standing_still")
+        total = float(fitness.sum())
+        possible = len(self.space.triples)
+        statistics = {
+            "filled": float(len(fitness)),
+            "filled_share": len(fitness) / possible,
+            "filled_share_of_2024": len(fitness) / PAPER_TRIPLES,
+            "qd_score": total / possible,
+            "qd_score_of_2024": total / PAPER_TRIPLES,
+            "beat_standing_still": float((gain >= STANDING_STILL_MARGIN).sum()),
+            "succeed": float((self.column("success") >= SUCCESS_SHARE).sum()),
+        }
+        if len(fitness):
+            statistics |= {"best": float(fitness.max()), "mean": float(fitness.mean())}
+        return statistics
+
+    def state(self) -> dict[str, Any]:
+        """Arrays and JSON values, for checkpoints; only filled cells take room."""
+        return {
+            **self._identity,
+            "cells": self.cells,
+            "elites": {name: self.column(name) for name in self._columns},
+        }
+
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Become the archive that gave ``state``.
+
+        Raises:
+            ArchiveError: the state is of other features, genomes or bodies, or damaged; nothing
+                is changed.
+        """
+        for key, value in self._identity.items():
+            if state.get(key) != value:
+                raise ArchiveError(
+                    f"Cannot load the archive: its {key} is {state.get(key)!r}, expected {value!r}."
+                )
+        cells, elites = state["cells"], state["elites"]
+        for name, column in self._columns.items():
+            self._check(name, elites[name], (len(cells), *column.shape[1:]))
+        if not np.isfinite(elites["fitness"]).all():
+            raise ArchiveError("Cannot load the archive: an elite's fitness is not finite.")
+        self._columns["fitness"][:] = np.nan
+        for name, column in self._columns.items():
+            column[cells] = elites[name]
+
+    @property
+    def _identity(self) -> dict[str, Any]:
+        return {
+            "space": asdict(self.space),
+            "dimension": self.dimension,
+            "grid_size": self.grid_size,
+        }
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, Any]) -> Archive:
+        """The archive that gave ``state``; raises as ``load_state`` does."""
+        archive = cls(FeatureSpace(**state["space"]), state["dimension"], state["grid_size"])
+        archive.load_state(state)
+        return archive
+
+    @staticmethod
+    def _check(name: str, value: Any, shape: tuple[int, ...]) -> None:
+        if np.shape(value) != shape:
+            raise ArchiveError(f"{name} must have shape {shape}, got {np.shape(value)}.")
+
+
+def _check_not_infinite(fitness: NDArray[np.float64]) -> None:
+    infinite = np.flatnonzero(np.isinf(fitness))
+    if len(infinite):
+        raise ArchiveError(
+            f"Fitness must not be infinite; it is for genomes {infinite.tolist()}. Nothing was "
+            "added."
+        )
