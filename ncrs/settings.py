@@ -47,6 +47,11 @@ class OptimizerConfig:
     population: int | None = None
     told_popsize: bool | None = None
     step_size: str | None = None
+    restart_sigma: float | None = None
+    restart_from: str | None = None
+    linear_algebra: str | None = None
+    precision: str | None = None
+    device: str | None = None
 
     def given(self) -> dict[str, Any]:
         """The settings that are not null, without the name."""
