@@ -7,11 +7,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ncrs.assessment import EPISODES, assess
+from ncrs.assessment import EPISODES, REFERENCE_ENGINE, assess
 from ncrs.champion import Champion, load_champion_file
 from ncrs.checkpoint import CheckpointError, write_json
 from ncrs.engines.base import ENGINES
-from ncrs.evaluation import DEFAULT_ENGINE
 from ncrs.pictures import DEFAULT_SIZE, save_pictures
 
 EVALUATION_FILE = "evaluation.json"
@@ -25,7 +24,7 @@ def _parser() -> argparse.ArgumentParser:
         "evaluate", help="test the champion on fresh episodes and save the result as JSON"
     )
     evaluate.add_argument("--episodes", type=int, default=EPISODES, help="default: %(default)s")
-    evaluate.add_argument("--engine", choices=sorted(ENGINES), default=DEFAULT_ENGINE)
+    evaluate.add_argument("--engine", choices=sorted(ENGINES), default=REFERENCE_ENGINE)
     evaluate.set_defaults(action=_evaluate)
 
     render = commands.add_parser(

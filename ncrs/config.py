@@ -13,6 +13,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 
+from ncrs.engines.base import resolve_engine
 from ncrs.settings import (
     ConfigError,
     TrainConfig,
@@ -89,7 +90,10 @@ def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
     assert isinstance(values, dict)
     config = config_from_dict({str(key): value for key, value in values.items()})
     if config.resume is None:
-        return config
+        # A run's record names the engine that it really used.
+        return replace(
+            config, engine=replace(config.engine, name=resolve_engine(config.engine.name))
+        )
     given = _parse(overrides)
     own = load_config(Path(config.resume))
     own = replace(own, resume=config.resume)

@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ncrs.engines.base import Evaluation, ScenarioRows, make_engine
+from ncrs.engines.base import (
+    AUTO_ENGINE,
+    Evaluation,
+    ScenarioRows,
+    make_engine,
+    resolve_engine,
+)
 from ncrs.layout import nca_layout
 from ncrs_envs.body import DEFAULT_GRID_SIZE
 from ncrs_envs.scenario import Scenario, sample_scenarios
@@ -13,7 +19,6 @@ from ncrs_envs.tasks import Task, task_settings
 
 RUNS = 12
 """Runs per evaluation in the paper."""
-DEFAULT_ENGINE = "box2d"
 # Starting worker processes takes seconds; fewer genomes than this are done before that.
 _WORTH_WORKERS = 8
 
@@ -22,7 +27,7 @@ def evaluate(
     genomes: Any,
     task: str | Task,
     *,
-    engine: str = DEFAULT_ENGINE,
+    engine: str = AUTO_ENGINE,
     scenarios: Sequence[Scenario] | ScenarioRows | None = None,
     runs: int = RUNS,
     seed: int = 0,
@@ -36,7 +41,8 @@ def evaluate(
     Args:
         genomes: finite real numbers, shape ``(P, num_parameters)`` or ``(num_parameters,)``.
         task: "light_chase", "obstacle" or "carry_ball".
-        engine: "box2d".
+        engine: "batched" (numba, fast), "box2d" (the reference), or "auto": batched where numba
+            is installed, else box2d.
         scenarios: R scenarios for all genomes, or P rows of R; None draws them from ``seed``.
         runs: number of scenarios to draw, 12 in the paper; ignored if ``scenarios`` are given.
         seed: of the scenarios that are drawn.
@@ -58,6 +64,7 @@ def evaluate(
     checked = nca_layout(settings.task).check_genomes(genomes)
     if scenarios is None:
         scenarios = sample_scenarios(settings.task, seed, runs, settings.grid_size)
+    engine = resolve_engine(engine)
     if workers is None and len(checked) < _WORTH_WORKERS and engine == "box2d":
         workers = 1
     with make_engine(engine, settings, workers) as running:

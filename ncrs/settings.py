@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from ncrs.checkpoint import write_json
-from ncrs.engines.base import check_engine, check_workers
+from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
 from ncrs.optimizers.base import check_settings
 from ncrs_envs.body import DEFAULT_GRID_SIZE
 from ncrs_envs.tasks import TaskSettings, task_settings
@@ -64,7 +64,7 @@ class OptimizerConfig:
 class EngineConfig:
     """Which engine; ``workers`` null means one per core."""
 
-    name: str = "box2d"
+    name: str = AUTO_ENGINE
     workers: int | None = None
 
 
@@ -100,7 +100,7 @@ class TrainConfig:
         try:
             self.task_settings()
             check_settings(self.optimizer.name, self.optimizer.given())
-            check_engine(self.engine.name)
+            resolve_engine(self.engine.name)
             check_workers(self.engine.workers)
         except ValueError as error:
             raise ConfigError(str(error)) from error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 
-from ncrs.assessment import EPISODES, assess
+from ncrs.assessment import EPISODES, REFERENCE_ENGINE, assess
 from ncrs.settings import TrainConfig
 from ncrs.training import TrainingResult
 from ncrs_envs.body import body_features, body_to_characters
@@ -47,13 +47,13 @@ def finished_lines(result: TrainingResult, config: TrainConfig) -> list[str]:
         lines.append("No genome grew a body that the task can use; try more generations.")
     else:
         sensors, wheels, cells = body_features(champion.body).tolist()
-        assessment = assess(champion, engine=config.engine.name)
+        assessment = assess(champion)
         lines += [
             f"Champion, from generation {champion.generation} ({champion.source}): "
             f"{cells} cells, {wheels} wheels, {sensors} sensors",
             *("  " + " ".join(row) for row in body_to_characters(champion.body).splitlines()),
             "  (. empty  # tissue  L light or ball sensor  T target sensor  W wheel)",
-            f"On {EPISODES} fresh episodes:",
+            f"On {EPISODES} fresh episodes, on {REFERENCE_ENGINE}:",
             *("  " + line for line in assessment.lines()),
         ]
     longer = 2 * config.generations

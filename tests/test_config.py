@@ -1,5 +1,6 @@
 """Hydra's side of the settings."""
 
+import importlib.util
 from pathlib import Path
 
 import pytest
@@ -28,13 +29,19 @@ def names(folder):
 def test_the_groups_are_what_the_code_knows():
     assert names("task") == set(TASKS)
     assert names("optimizer") == set(OPTIMIZERS)
-    assert names("engine") == set(ENGINES)
+    assert names("engine") == {*ENGINES, "auto"}
 
 
 @pytest.mark.parametrize("group", ["task", "optimizer", "engine"])
 def test_each_choice_composes_and_names_itself(composed, group):
-    for name in names(group):
+    for name in names(group) - {"auto"}:
         assert getattr(composed(f"{group}={name}"), group).name == name
+
+
+def test_auto_is_recorded_as_the_engine_that_it_stands_for(composed, monkeypatch):
+    assert composed("engine=auto").engine.name == "batched"
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    assert composed("engine=auto").engine.name == "box2d"
 
 
 @pytest.mark.parametrize("task", sorted(TASKS))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
 import warnings
 from abc import ABC, abstractmethod
@@ -215,16 +216,23 @@ ENGINES: Mapping[str, tuple[str, str]] = {
     "box2d": ("ncrs.engines.box2d", "Box2DEngine"),
 }
 
+AUTO_ENGINE = "auto"
+"""Stands for ``batched`` where numba is installed, and for ``box2d`` elsewhere."""
 
-def check_engine(name: str) -> str:
-    """Return ``name`` if there is such an engine, else raise ``ValueError`` naming them."""
+
+def resolve_engine(name: str) -> str:
+    """The engine that a name stands for, or ``ValueError`` naming those there are."""
+    if name == AUTO_ENGINE:
+        return "box2d" if importlib.util.find_spec("numba") is None else "batched"
     if name not in ENGINES:
-        raise ValueError(f"Unknown engine {name!r}; choose one of {sorted(ENGINES)}.")
+        raise ValueError(
+            f"Unknown engine {name!r}; choose one of {sorted([AUTO_ENGINE, *ENGINES])}."
+        )
     return name
 
 
 def make_engine(name: str, settings: TaskSettings, workers: int | None = None) -> Engine:
     """Make the engine of that name; ``ValueError`` if there is none."""
-    module, attribute = ENGINES[check_engine(name)]
+    module, attribute = ENGINES[resolve_engine(name)]
     engine: Engine = getattr(importlib.import_module(module), attribute)(settings, workers)
     return engine

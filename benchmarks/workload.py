@@ -1,0 +1,101 @@
+"""The work that is timed: genomes that grow nearly full bodies, and how to time them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.development import grow
+from ncrs.engines.base import make_engine
+from ncrs.layout import FEATURES, STEPS_PER_ACTION, nca_layout
+from ncrs.nca import NCAPopulation
+from ncrs_envs.scenario import sample_scenarios
+from ncrs_envs.tasks import TASKS, task_settings
+
+POPULATION = 112
+RUNS = 12
+_SIGMA = 0.1
+_LEAST_FULL = 0.88
+"""Share of the cells that a nearly full body occupies: 22 of 25."""
+_BATCH = 512
+_MAX_DRAWS = 200
+
+
+def nearly_full_genomes(
+    task: str, count: int = POPULATION, grid_size: int = 5, seed: int = 0
+) -> NDArray[np.float32]:
+    """Random genomes whose bodies are valid and nearly full, shape ``(count, N)``.
+
+    Raises:
+        RuntimeError: too few in a reasonable number of draws.
+    """
+    layout = nca_layout(task)
+    rng = np.random.default_rng(seed)
+    found: list[NDArray[np.float32]] = []
+    for _ in range(_MAX_DRAWS):
+        drawn = rng.normal(0.0, _SIGMA, (_BATCH, layout.num_parameters)).astype(np.float32)
+        bodies = grow(NCAPopulation(drawn, task), grid_size)
+        full = (bodies != 0).mean(axis=(1, 2)) >= _LEAST_FULL
+        found += list(drawn[full & TASKS[task].is_valid(bodies)])
+        if len(found) >= count:
+            return np.stack(found[:count])
+    raise RuntimeError(f"only {len(found)} of {count} nearly full {task} bodies were found")
+
+
+def rollout_speed(
+    engine: str,
+    task: str,
+    genomes: NDArray[np.float32],
+    *,
+    runs: int = RUNS,
+    grid_size: int = 5,
+    workers: int | None = None,
+    repeats: int = 5,
+) -> float:
+    """Environment steps per second of whole evaluations, NCA included: median of the repeats."""
+    settings = task_settings(task, grid_size)
+    scenarios = sample_scenarios(task, 1, runs, grid_size)
+    with make_engine(engine, settings, workers) as running:
+        steps = running.evaluate(genomes, scenarios).env_steps  # compiles, starts workers
+        seconds = median_seconds(lambda: running.evaluate(genomes, scenarios), repeats)
+    return steps / seconds
+
+
+def median_seconds(work: Callable[[], Any], repeats: int) -> float:
+    """Median wall-clock time of a call."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return float(np.median(times))
+
+
+def nca_flops_per_step(bodies: NDArray[np.int8], task: str) -> float:
+    """Floating-point operations of the NCA in one environment step, averaged over bodies.
+
+    Counts what cannot be saved: occupied neighbours only, and only the channels that change.
+    """
+    occupied = np.pad(bodies != 0, ((0, 0), (1, 1), (1, 1)))
+    n = bodies.shape[-1]
+    neighbours = sum(
+        occupied[:, row : row + n, column : column + n] for row in range(3) for column in range(3)
+    )
+    links = float((neighbours * (bodies != 0)).sum() / len(bodies))
+    cells = float((bodies != 0).sum() / len(bodies))
+    layout = nca_layout(task)
+    changing = layout.changing_channels.stop - layout.changing_channels.start
+    products = links * changing * FEATURES + cells * (FEATURES * FEATURES + FEATURES * changing)
+    return 2.0 * STEPS_PER_ACTION * products
+
+
+def gemm_gflops(size: int = 2048, repeats: int = 5) -> float:
+    """Speed of a large float32 matrix product on all cores: the processor's practical peak."""
+    rng = np.random.default_rng(0)
+    a, b = (rng.random((size, size), dtype=np.float32) for _ in range(2))
+    a @ b
+    return 2.0 * size**3 / median_seconds(lambda: a @ b, repeats) / 1e9
