@@ -23,24 +23,26 @@ Point = tuple[float, float]
 Polyline = tuple[Point, ...]
 
 # Placements as fractions of the playfield extent P.
-_FAR = 0.6
-_NEAR = 0.3
-_NOISE = 0.05
-_START_Y = -0.85
-_CORNER_REGIONS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
-_COLUMN_REGIONS = (-_FAR, -_NEAR, _NEAR, _FAR)
+FAR = 0.6
+NEAR = 0.3
+NOISE = 0.05
+START_Y = -0.85
+CORNER_REGIONS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+COLUMN_REGIONS = (-FAR, -NEAR, NEAR, FAR)
 WALL_EXTENT = 1.1
 """The walls begin at y = -1.1 P and reach out to x = -1.1 P and 1.1 P."""
-LEAST_QUAD_SIDE = 0.01
-"""Wall quads less high or wide than this enclose nothing worth colliding with."""
-_PASSAGE_RANGE = 0.8
+PASSAGE_RANGE = 0.8
 
 # Wall shape in multiples of the grid size n.
-_PASSAGE_HALF_WIDTH = 0.7
-_WALL_TOP = 1.2
-_WALL_NOISE = 0.8
-_WALL_VERTICES = (5, 20)
-_MAX_START_DRAWS = 1000
+PASSAGE_HALF_WIDTH = 0.7
+WALL_TOP = 1.2
+WALL_NOISE = 0.8
+WALL_VERTICES = (5, 20)
+"""Least number of vertices of a wall, and one more than the most."""
+LEAST_QUAD_SIDE = 0.01
+"""Wall quads less high or wide than this, in units, enclose nothing worth colliding with."""
+MAX_START_DRAWS = 1000
+"""Draws of a start free of walls before giving up."""
 
 
 class ScenarioError(ValueError):
@@ -169,30 +171,30 @@ def sample_scenario(
     task = get_task(task)
     extent = playfield(check_grid_size(grid_size))
     region = int(rng.integers(REGIONS)) if region is None else check_region(region)
-    noise_x, noise_y = rng.uniform(-_NOISE * extent, _NOISE * extent, size=2)
+    noise_x, noise_y = rng.uniform(-NOISE * extent, NOISE * extent, size=2)
     if not (task.has_walls or task.has_ball):
-        sign_x, sign_y = _CORNER_REGIONS[region]
-        light = (sign_x * _FAR * extent + noise_x, sign_y * _FAR * extent + noise_y)
+        sign_x, sign_y = CORNER_REGIONS[region]
+        light = (sign_x * FAR * extent + noise_x, sign_y * FAR * extent + noise_y)
         return Scenario(start=(0.0, 0.0), light=light)
 
-    start_y = _START_Y * extent
-    column = _COLUMN_REGIONS[region] * extent
+    start_y = START_Y * extent
+    column = COLUMN_REGIONS[region] * extent
     if task.has_ball:
-        start = (rng.uniform(-_FAR * extent, _FAR * extent), start_y)
-        target_x = _COLUMN_REGIONS[int(rng.integers(REGIONS))] * extent
+        start = (rng.uniform(-FAR * extent, FAR * extent), start_y)
+        target_x = COLUMN_REGIONS[int(rng.integers(REGIONS))] * extent
         return Scenario(
-            start=start, ball=(column + noise_x, noise_y), target=(target_x, _FAR * extent)
+            start=start, ball=(column + noise_x, noise_y), target=(target_x, FAR * extent)
         )
     walls = _sample_walls(rng, grid_size)
     obstacle = Scenario(start=(0.0, start_y), walls=walls)
     quads = wall_quads(obstacle, grid_size)
-    for _ in range(_MAX_START_DRAWS):
-        start = (rng.uniform(-_FAR * extent, _FAR * extent), start_y)
+    for _ in range(MAX_START_DRAWS):
+        start = (rng.uniform(-FAR * extent, FAR * extent), start_y)
         if not _square_overlaps(start, grid_size * CELL_SIZE / 2.0, quads):
-            light = (column + noise_x, _FAR * extent + noise_y)
+            light = (column + noise_x, FAR * extent + noise_y)
             return Scenario(start=start, light=light, walls=walls)
     raise ScenarioError(  # pragma: no cover - the walls leave most of the start line free
-        f"No start free of walls in {_MAX_START_DRAWS} draws for grid size {grid_size}."
+        f"No start free of walls in {MAX_START_DRAWS} draws for grid size {grid_size}."
     )
 
 
@@ -209,15 +211,15 @@ def check_region(region: Any) -> int:
 
 def _sample_walls(rng: np.random.Generator, grid_size: int) -> tuple[Polyline, Polyline]:
     extent = playfield(grid_size)
-    passage = rng.uniform(-_PASSAGE_RANGE * extent, _PASSAGE_RANGE * extent)
+    passage = rng.uniform(-PASSAGE_RANGE * extent, PASSAGE_RANGE * extent)
     lines = []
     for sign in (-1.0, 1.0):
-        count = int(rng.integers(*_WALL_VERTICES))
+        count = int(rng.integers(*WALL_VERTICES))
         bottom = (sign * WALL_EXTENT * extent, -WALL_EXTENT * extent)
-        top = (passage + sign * _PASSAGE_HALF_WIDTH * grid_size, _WALL_TOP * grid_size)
+        top = (passage + sign * PASSAGE_HALF_WIDTH * grid_size, WALL_TOP * grid_size)
         line = np.linspace(bottom, top, count)
         line[:-2] += rng.uniform(
-            -_WALL_NOISE * grid_size, _WALL_NOISE * grid_size, size=(count - 2, 2)
+            -WALL_NOISE * grid_size, WALL_NOISE * grid_size, size=(count - 2, 2)
         )
         lines.append(tuple((float(x), float(y)) for x, y in line))
     return lines[0], lines[1]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,21 +21,13 @@ from ncrs_envs.batched.layout import (
     STATE_SUCCESS,
     cells_size,
     robot_size,
-    scenario_size,
 )
 from ncrs_envs.batched.manifolds import scratch_size
-from ncrs_envs.batched.records import (
-    quad_capacity,
-    robot_arrays,
-    scenario_arrays,
-    settings_array,
-)
+from ncrs_envs.batched.records import robot_arrays, settings_array
+from ncrs_envs.batched.scenario_table import Indices, ScenarioTable
 from ncrs_envs.batched.sensing import distances
 from ncrs_envs.batched.simulate import reset_run, step_run
-from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import TaskSettings
-
-Indices = NDArray[np.intp]
 
 _LEAST_SHARE = 64
 """Runs that are worth handing to another thread."""
@@ -119,17 +112,18 @@ class RunBatch:
         threads: largest number of threads to step them on; results do not depend on it.
 
     Attributes:
+        scenarios: the scenario of each run.
         observations: sensor values after the last step, float32 ``(count, n * n)``.
     """
 
     def __init__(self, settings: TaskSettings, count: int, threads: int) -> None:
         n = settings.grid_size
         self.count = count
-        self._grid_size = n
+        self._task = settings.task
         self._settings = settings_array(settings.task, n, settings.score, settings.success_radius)
         self._robots = np.zeros((count, robot_size(n)))
         self._cells = np.zeros((count, cells_size(n)), dtype=np.int32)
-        self._scenarios = np.zeros((count, scenario_size(0)))
+        self.scenarios = ScenarioTable(settings.task, count, n)
         self._states = np.zeros((count, STATE_SIZE))
         self._readings = np.zeros((count, 5))
         self.observations = np.zeros((count, n * n), dtype=np.float32)
@@ -147,21 +141,13 @@ class RunBatch:
         """
         self._robots[runs], self._cells[runs] = robot_arrays(bodies)
 
-    def start(self, runs: Indices, scenarios: Sequence[Scenario]) -> None:
-        """Begin new episodes in some runs, one scenario for each."""
-        quads = quad_capacity(scenarios)
-        capacity = self._scenarios.shape[1]
-        if scenario_size(quads) > capacity:
-            wider = np.zeros((self.count, scenario_size(quads)))
-            wider[:, :capacity] = self._scenarios
-            self._scenarios = wider
-        rows = scenario_arrays(scenarios, self._grid_size, quads)
-        self._scenarios[runs, : rows.shape[1]] = rows
+    def start(self, runs: Indices) -> None:
+        """Begin new episodes in some runs, with the scenarios that the table holds for them."""
         _start_runs(
             self._settings,
             self._robots,
             self._cells,
-            self._scenarios,
+            self.scenarios.records,
             self._states,
             self.observations,
             self._readings,
@@ -187,7 +173,7 @@ class RunBatch:
                 self._settings,
                 self._robots,
                 self._cells,
-                self._scenarios,
+                self.scenarios.records,
                 self._states,
                 self._scratch[share],
                 actions,
@@ -221,19 +207,21 @@ class RunBatch:
         return self._readings[:, :3].copy()
 
     @property
-    def distances(self) -> NDArray[np.float64]:
-        """Robot to light or ball, and ball to target (else 0), shape ``(count, 2)``, a copy."""
-        return self._readings[:, 3:].copy()
-
-    @property
     def success(self) -> NDArray[np.bool_]:
         """Which episodes have succeeded, shape ``(count,)``."""
         return np.asarray(self._states[:, STATE_SUCCESS] != 0.0)
 
-    @property
-    def crossed(self) -> NDArray[np.bool_]:
-        """In which episodes the robot has been above y = 0, shape ``(count,)``."""
-        return np.asarray(self._states[:, STATE_CROSSED] != 0.0)
+    def infos(self) -> dict[str, NDArray[Any]]:
+        """What changes in the single environments' infos, batched; new arrays."""
+        infos: dict[str, NDArray[Any]] = {"pose": self.poses, "success": self.success}
+        near, far = self._readings[:, 3].copy(), self._readings[:, 4].copy()
+        if self._task.has_ball:
+            infos |= {"distance_to_ball": near, "ball_to_target": far}
+        else:
+            infos["distance"] = near
+        if self._task.has_walls:
+            infos["crossed"] = np.asarray(self._states[:, STATE_CROSSED] != 0.0)
+        return infos
 
     def ball(self, run: int) -> tuple[float, float]:
         """Where a run's ball is."""

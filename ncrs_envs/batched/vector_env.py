@@ -19,7 +19,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ncrs_envs.batched.run_batch import Indices, RunBatch, default_threads
+from ncrs_envs.batched.run_batch import RunBatch, default_threads
+from ncrs_envs.batched.scenario_table import Indices
 from ncrs_envs.batched.vector_options import (
     batch_info,
     check_autoreset_mode,
@@ -30,6 +31,7 @@ from ncrs_envs.batched.vector_options import (
     check_render_envs,
     check_scenarios,
     check_seeds,
+    check_step_limit,
     grid_side,
     without_mask,
 )
@@ -37,7 +39,7 @@ from ncrs_envs.body import BodyGrid, sensor_mask, wheel_mask
 from ncrs_envs.interface import OptionError, check_action, check_flag, check_options
 from ncrs_envs.physics import DT
 from ncrs_envs.rendering import DEFAULT_RENDER_SIZE, Scene, check_render_size, draw_scene
-from ncrs_envs.scenario import Scenario, sample_scenario, wall_quads
+from ncrs_envs.scenario import Scenario, wall_quads
 from ncrs_envs.tasks import (
     CARRY_BALL,
     LIGHT_CHASE,
@@ -53,9 +55,6 @@ if TYPE_CHECKING:
     _BaseEnv = VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]
 else:
     _BaseEnv = VectorEnv
-
-NO_STEP_LIMIT = -1
-"""As ``max_episode_steps``: episodes are never truncated (as in ``gymnasium.make``)."""
 
 
 class RobotVectorEnv(_BaseEnv):
@@ -117,20 +116,15 @@ class RobotVectorEnv(_BaseEnv):
         self.terminate_on_success = check_flag(terminate_on_success, "terminate_on_success")
         self.autoreset_mode = check_autoreset_mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self._step_limit = (
-            np.iinfo(np.int64).max
-            if max_episode_steps == NO_STEP_LIMIT
-            else check_count(max_episode_steps, "max_episode_steps")
-        )
+        self._step_limit = check_step_limit(max_episode_steps)
         self._render_envs = check_render_envs(render_envs, self.num_envs)
         self.single_observation_space = gymnasium.spaces.Box(0.0, 1.0, (n, n), np.float32)
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (n, n), np.float32)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
-        everywhere = np.ones(self.num_envs, dtype=np.bool_)
         chosen = default_body(self.task, n) if body is None else body
-        bodies = check_bodies(chosen, self.task, n, everywhere)
+        bodies = check_bodies(chosen, self.task, n, check_mask(None, self.num_envs))
         workers = default_threads() if threads is None else check_count(threads, "threads")
         self._batch = RunBatch(self.settings, self.num_envs, workers)
         self._bodies = np.zeros((self.num_envs, n, n), dtype=np.int8)
@@ -139,7 +133,6 @@ class RobotVectorEnv(_BaseEnv):
         self._set_bodies(np.arange(self.num_envs), bodies)
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._seeds = [-1] * self.num_envs
-        self._scenarios: list[Scenario | None] = [None] * self.num_envs
         self._steps = np.zeros(self.num_envs, dtype=np.int64)
         self._is_done = np.zeros(self.num_envs, dtype=np.bool_)
         self._is_started = np.zeros(self.num_envs, dtype=np.bool_)
@@ -168,7 +161,7 @@ class RobotVectorEnv(_BaseEnv):
     @property
     def scenarios(self) -> tuple[Scenario | None, ...]:
         """Placements of the present episodes; None where none has been started."""
-        return tuple(self._scenarios)
+        return tuple(self._batch.scenarios[env] for env in range(self.num_envs))
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
@@ -228,18 +221,25 @@ class RobotVectorEnv(_BaseEnv):
             self._generators[i], self._seeds[i] = generator, used
         if bodies is not None:
             self._set_bodies(envs, bodies)
-        self._start(envs, [scenarios[i] or self._draw(i, regions[i]) for i in envs.tolist()])
+        pinned = {i: s for i, s in enumerate(scenarios) if s is not None and mask[i]}
+        self._batch.scenarios.put(list(pinned), list(pinned.values()))
+        self._draw([i for i in envs.tolist() if scenarios[i] is None], regions)
+        self._start(envs)
         return self._observations(), self._info(mask)
 
-    def _draw(self, env: int, region: int | None = None) -> Scenario:
-        return sample_scenario(self.task, self._generator(env), region, self.settings.grid_size)
+    def _draw(self, envs: list[int], regions: Sequence[int | None] | None = None) -> None:
+        """Draw scenarios for environments, with a region for each of all if given."""
+        self._batch.scenarios.draw(
+            envs,
+            [self._generator(env) for env in envs],
+            [None if regions is None else regions[env] for env in envs],
+        )
 
-    def _start(self, envs: Indices, scenarios: Sequence[Scenario]) -> None:
-        self._batch.start(envs, scenarios)
-        for env, scenario in zip(envs.tolist(), scenarios, strict=True):
-            self._scenarios[env] = scenario
-            if env in self._paths:
-                self._paths[env] = [scenario.start]
+    def _start(self, envs: Indices) -> None:
+        self._batch.start(envs)
+        for env in self._paths:
+            if env in envs:
+                self._paths[env] = [self._batch.scenarios.start(env)]
         self._steps[envs] = 0
         self._is_done[envs] = False
         self._is_started[envs] = True
@@ -272,9 +272,8 @@ class RobotVectorEnv(_BaseEnv):
         was_done = self._is_done
         if self.autoreset_mode is AutoresetMode.DISABLED and was_done.any():
             raise ResetNeeded(
-                f"The episodes of environments {np.flatnonzero(was_done)[:8].tolist()} "
-                f"({int(was_done.sum())} in all) have ended; call reset(options="
-                "{'reset_mask': ...}) first, since autoreset is disabled."
+                f"The episodes of {int(was_done.sum())} environments, {int(np.argmax(was_done))} "
+                "first, have ended; reset them with options={'reset_mask': ...}."
             )
         n = self.settings.grid_size
         self._actions = check_action(actions, (self.num_envs, n, n), "one gas value per cell")
@@ -283,7 +282,8 @@ class RobotVectorEnv(_BaseEnv):
         self._steps += 1
         if was_done.any():
             envs = np.flatnonzero(was_done)
-            self._start(envs, [self._draw(env) for env in envs.tolist()])
+            self._draw(envs.tolist())
+            self._start(envs)
         self._extend_paths(~was_done)
         terminated = np.zeros(self.num_envs, dtype=np.bool_)
         if self.terminate_on_success:
@@ -291,8 +291,7 @@ class RobotVectorEnv(_BaseEnv):
         truncated = self._steps >= self._step_limit
         self._is_done = terminated | truncated
         info = self._finish() if self.autoreset_mode is AutoresetMode.SAME_STEP else {}
-        everywhere = np.ones(self.num_envs, dtype=np.bool_)
-        info.update(self._info(everywhere))
+        info.update(self._info(check_mask(None, self.num_envs)))
         return self._observations(), rewards, terminated, truncated, info
 
     def _extend_paths(self, has_moved: NDArray[np.bool_]) -> None:
@@ -319,7 +318,8 @@ class RobotVectorEnv(_BaseEnv):
             "final_info": self._info(done),
             "_final_info": done.copy(),
         }
-        self._start(envs, [self._draw(env) for env in envs.tolist()])
+        self._draw(envs.tolist())
+        self._start(envs)
         return info
 
     def _observations(self) -> NDArray[np.float32]:
@@ -331,16 +331,8 @@ class RobotVectorEnv(_BaseEnv):
             "body": self._bodies.copy(),
             "sensor_mask": self._sensor_masks.copy(),
             "wheel_mask": self._wheel_masks.copy(),
-            "pose": self._batch.poses,
-            "success": self._batch.success,
+            **self._batch.infos(),
         }
-        near, far = self._batch.distances.T.copy()
-        if self.task.has_ball:
-            values["distance_to_ball"], values["ball_to_target"] = near, far
-        else:
-            values["distance"] = near
-        if self.task.has_walls:
-            values["crossed"] = self._batch.crossed
         return batch_info(values, mask)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -363,7 +355,7 @@ class RobotVectorEnv(_BaseEnv):
         Raises:
             ResetNeeded: it has no episode.
         """
-        scenario = self._scenarios[env]
+        scenario = self._batch.scenarios[env]
         if scenario is None:
             raise ResetNeeded("Call reset() before render(): there is nothing to show yet.")
         x, y, angle = self._batch.poses[env].tolist()

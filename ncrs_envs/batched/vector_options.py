@@ -15,6 +15,8 @@ from ncrs_envs.scenario import Scenario, ScenarioError, check_region
 from ncrs_envs.tasks import Task
 
 RENDERED_BY_DEFAULT = 4
+NO_STEP_LIMIT = -1
+"""As ``max_episode_steps``: episodes are never truncated (as in ``gymnasium.make``)."""
 
 
 class MaskTypeError(OptionError, TypeError):
@@ -199,3 +201,10 @@ def batch_info(values: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict
         info[name] = value
         info[f"_{name}"] = mask.copy()
     return info
+
+
+def check_step_limit(steps: Any) -> int:
+    """Steps after which episodes are truncated; ``OptionError`` unless positive or -1."""
+    if isinstance(steps, int) and steps == NO_STEP_LIMIT:
+        return int(np.iinfo(np.int64).max)
+    return check_count(steps, "max_episode_steps")
