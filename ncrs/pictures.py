@@ -1,4 +1,4 @@
-"""Pictures of a robot: its body as a PNG, and an episode as an animated GIF."""
+"""Pictures of a robot: its body and its growth as PNGs, an episode as an animated GIF."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from PIL import Image
 
 from ncrs.champion import Champion
 from ncrs.control import Controller
-from ncrs_envs.rendering import check_render_size, draw_body
+from ncrs.development import grow, read_body
+from ncrs_envs.rendering import MIN_RENDER_SIZE, check_render_size, draw_body
 
 BODY_FILE = "body.png"
+STORY_FILE = "growth_and_episode.png"
 EPISODE_FILE = "episode.gif"
 DEFAULT_SIZE = 400
 _STEPS_PER_FRAME = 2
@@ -21,6 +24,8 @@ _FRAME_MS = 40
 """Two steps of 20 ms: real time."""
 _LAST_FRAME_MS = 1500
 _COLORS = 128
+_BODIES = 10
+_SCENES = 4
 
 Frame = NDArray[np.uint8]
 
@@ -72,12 +77,46 @@ def save_animation(frames: list[Frame], path: Path) -> None:
     images[0].save(path, save_all=True, append_images=images[1:], duration=durations, loop=0)
 
 
+def story(champion: Champion, frames: list[Frame]) -> Frame:
+    """Growth from the seed cell above, an episode below, each from left to right.
+
+    Args:
+        champion: whose growth is shown.
+        frames: of an episode, RGB, uint8 ``(size, size, 3)``.
+
+    Returns:
+        RGB, uint8 ``(height, _SCENES * size, 3)``.
+    """
+    nca = champion.nca
+    _, states = grow(nca, champion.task.grid_size, history=True)
+    steps = np.linspace(0, len(states) - 1, min(_BODIES, len(states))).round().astype(int)
+    bodies = [
+        read_body(torch.from_numpy(states[step]).movedim(-1, 0), nca.layout) for step in steps
+    ]
+    chosen = [
+        frames[index] for index in np.linspace(0, len(frames) - 1, _SCENES).round().astype(int)
+    ]
+    below = np.concatenate(chosen, axis=1)
+    width = below.shape[1]
+    side = width // len(bodies)
+    above = np.empty((side, width, 3), dtype=np.uint8)
+    above[:] = below[0, 0]
+    left = (width - side * len(bodies)) // 2
+    for index, body in enumerate(bodies):
+        start = left + index * side
+        above[:, start : start + side] = draw_body(body, max(side, MIN_RENDER_SIZE))[:side, :side]
+    return np.concatenate([above, below], axis=0)
+
+
 def save_pictures(
     champion: Champion, folder: Path, *, seed: int = 0, size: int = DEFAULT_SIZE
 ) -> list[Path]:
-    """Write ``body.png`` and ``episode.gif`` into a folder; returns their paths."""
-    body_path, episode_path = folder / BODY_FILE, folder / EPISODE_FILE
+    """Draw body, growth and an episode into a folder; returns the paths of the files."""
+    body_path, story_path, episode_path = (
+        folder / name for name in (BODY_FILE, STORY_FILE, EPISODE_FILE)
+    )
     frames = episode_frames(champion, seed=seed, size=size)
     Image.fromarray(draw_body(champion.body, size)).save(body_path)
+    Image.fromarray(story(champion, frames)).save(story_path)
     save_animation(frames, episode_path)
-    return [body_path, episode_path]
+    return [body_path, story_path, episode_path]
