@@ -2,6 +2,7 @@
 
 from ncrs.control import Controller
 from ncrs.development import grow
+from ncrs.elites import Elite, EliteArchive, load_archive, load_elite
 from ncrs.engines import Evaluation
 from ncrs.evaluation import evaluate
 from ncrs.layout import GenomeError
@@ -12,9 +13,13 @@ __version__ = "0.1.0"
 __all__ = [
     "NCA",
     "Controller",
+    "Elite",
+    "EliteArchive",
     "Evaluation",
     "GenomeError",
     "NCAPopulation",
     "evaluate",
     "grow",
+    "load_archive",
+    "load_elite",
 ]

@@ -117,7 +117,7 @@ class Archive:
 
     @property
     def _filled(self) -> NDArray[np.bool_]:
-        return ~np.isnan(self._columns["fitness"])
+        return np.asarray(~np.isnan(self._columns["fitness"]))
 
     @property
     def cells(self) -> NDArray[np.int64]:

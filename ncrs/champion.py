@@ -14,7 +14,7 @@ from ncrs.layout import NCALayout
 from ncrs.nca import NCA
 from ncrs.settings import ConfigError, TaskConfig
 from ncrs_envs.body import parse_body
-from ncrs_envs.tasks import TaskSettings, task_settings
+from ncrs_envs.tasks import TaskSettings
 
 CHAMPION_FILE = "champion.npz"
 
@@ -34,13 +34,13 @@ class Champion:
     """Share of those scenarios that succeeded, 0 to 1."""
     generation: int
     source: str
-    """"sample" if it was drawn, "mean" if it is the mean of the search distribution."""
+    """"sample" if it was drawn, "mean" if it is the mean of the search distribution, "elite" if it
+    was the best of the archive."""
 
     @property
     def task_settings(self) -> TaskSettings:
         """The task as it was trained on."""
-        task = self.task
-        return task_settings(task.name, task.grid_size, task.distance_score, task.success_radius)
+        return self.task.checked()
 
     @property
     def nca(self) -> NCA:

@@ -19,6 +19,7 @@ from ncrs_envs.body import DEFAULT_GRID_SIZE
 from ncrs_envs.tasks import TaskSettings, task_settings
 
 SETTINGS_FILE = "config.json"
+_LARGEST_SEED = 2**63 - 1  # the archive keeps seeds as int64
 
 
 class ConfigError(ValueError):
@@ -33,6 +34,10 @@ class TaskConfig:
     grid_size: int = DEFAULT_GRID_SIZE
     distance_score: str = "exponential"
     success_radius: float | None = None
+
+    def checked(self) -> TaskSettings:
+        """The task with its settings; ``ValueError`` if one is out of range."""
+        return task_settings(self.name, self.grid_size, self.distance_score, self.success_radius)
 
 
 @dataclass
@@ -52,6 +57,19 @@ class OptimizerConfig:
     linear_algebra: str | None = None
     precision: str | None = None
     device: str | None = None
+    diagonal: bool | None = None
+    emitters: int | None = None
+    patience: int | None = None
+    ranking: str | None = None
+    learning_rate: float | None = None
+    threshold_min: float | None = None
+    initial_sigma: float | None = None
+    initial_genomes: int | None = None
+    iso_sigma: float | None = None
+    line_sigma: float | None = None
+    sparse_share: float | None = None
+    sparse_sigma_least: float | None = None
+    sparse_sigma_largest: float | None = None
 
     def given(self) -> dict[str, Any]:
         """The settings that are not null, without the name."""
@@ -85,6 +103,8 @@ class TrainConfig:
     """Generations between two re-evaluations of the candidates for champion."""
     champion_runs: int = 48
     """Scenarios of such a re-evaluation, the same for the whole run."""
+    reestimate_every: int = 0
+    """Generations between two re-estimations of all the archive's elites; 0 for none."""
     checkpoint_seconds: float = 30.0
     """Seconds between two checkpoints; 0 writes one every generation."""
     resume: str | None = None
@@ -92,8 +112,7 @@ class TrainConfig:
 
     def task_settings(self) -> TaskSettings:
         """The task with its settings, checked."""
-        task = self.task
-        return task_settings(task.name, task.grid_size, task.distance_score, task.success_radius)
+        return self.task.checked()
 
     def check(self) -> TrainConfig:
         """Return this if all values are in range, else raise ``ConfigError``."""
@@ -110,11 +129,14 @@ class TrainConfig:
             "runs": (self.runs, 1),
             "champion_every": (self.champion_every, 1),
             "champion_runs": (self.champion_runs, 1),
+            "reestimate_every": (self.reestimate_every, 0),
             "checkpoint_seconds": (self.checkpoint_seconds, 0),
         }
         for name, (value, bound) in least.items():
             if not value >= bound:
                 raise ConfigError(f"{name} must be at least {bound}, got {value!r}.")
+        if self.seed > _LARGEST_SEED:
+            raise ConfigError(f"seed must be at most {_LARGEST_SEED}, got {self.seed!r}.")
         return self
 
 

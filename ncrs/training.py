@@ -12,21 +12,33 @@ from typing import Any
 import numpy as np
 from filelock import FileLock, Timeout
 
+from ncrs.archive import SEED_LENGTH, Additions, ArchiveError, Status
 from ncrs.champion import CHAMPION_FILE, Champion
 from ncrs.checkpoint import CheckpointFolder
-from ncrs.engines.base import EngineError, Evaluation, EvaluationInterrupted, make_engine
+from ncrs.elites import ARCHIVE_FILE, EliteArchive, make_archive
+from ncrs.engines.base import (
+    Engine,
+    EngineError,
+    Evaluation,
+    EvaluationInterrupted,
+    make_engine,
+)
 from ncrs.layout import nca_layout
 from ncrs.logs import PhaseTimer, RunLog, generation_metrics, versions
 from ncrs.optimizers.base import Genomes, OptimizerError, make_optimizer
+from ncrs.reestimation import reestimate, seed_row
 from ncrs.settings import ConfigError, TrainConfig, save_config
 from ncrs.signals import StopRequest
+from ncrs.standstill import standing_still_fitness
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 CHECKPOINT_FOLDER = "checkpoints"
 _LOCK_FILE = ".lock"
 
-# First keys of the streams that a run's seed is split into.
+# First keys of the streams that a run's seed is split into; assessment has 3, the command line's
+# re-estimation 5.
 _OPTIMIZER_STREAM, _SCENARIO_STREAM, _CHAMPION_STREAM = range(3)
+_REESTIMATION_STREAM = 4
 
 
 class RunError(RuntimeError):
@@ -79,6 +91,8 @@ class Trainer:
             )
         except OptimizerError as error:
             raise ConfigError(str(error)) from error
+        self._archive = make_archive(self._settings)
+        self._optimizer.attach(self._archive)
         self._champion_scenarios = sample_scenarios(
             self._settings.task,
             self._stream(_CHAMPION_STREAM),
@@ -154,15 +168,14 @@ class Trainer:
             while self._generation < config.generations:
                 start = perf_counter()
                 try:
-                    with self._timer.phase("ask"):
-                        genomes = self._optimizer.ask()
-                    with self._timer.phase("evaluate"):
-                        evaluation = engine.evaluate(genomes, self._scenarios(len(genomes)), stop)
-                    with self._timer.phase("tell"):
-                        self._optimizer.tell(evaluation.fitness)
+                    if self._is_time_to_reestimate:
+                        with self._timer.phase("reestimate"):
+                            stream = self._stream(_REESTIMATION_STREAM, self._generation)
+                            reestimate(self._archive, engine, stream, config.runs, stop)
+                    genomes, evaluation, added = self._evolve(engine, stop)
                 except EvaluationInterrupted:
                     break
-                except (EngineError, OptimizerError):
+                except (EngineError, OptimizerError, ArchiveError):
                     self._save()  # the generation can be repeated from here
                     raise
                 self._count(evaluation)
@@ -175,7 +188,7 @@ class Trainer:
                         self._crown(candidates, result)
                     if self._champion is not None:
                         log.champion(generation, self._champion)
-                metrics = self._metrics(evaluation, perf_counter() - start)
+                metrics = self._metrics(evaluation, added, perf_counter() - start)
                 with self._timer.phase("log"):
                     log.generation(generation, metrics, self._best_fitness)
                 self._seconds = perf_counter() - started_at
@@ -193,17 +206,48 @@ class Trainer:
     def _is_last(self) -> bool:
         return self._generation == self._config.generations
 
-    def _scenarios(self, population: int) -> list[Scenario] | list[list[Scenario]]:
-        """Scenarios of the current generation: one set for all genomes, or one for each."""
-        config, settings = self._config, self._settings
+    @property
+    def _is_time_to_reestimate(self) -> bool:
+        every = self._config.reestimate_every
+        return every > 0 and self._generation > 0 and self._generation % every == 0
 
-        def draw(*key: int) -> list[Scenario]:
-            stream = self._stream(_SCENARIO_STREAM, self._generation, *key)
-            return sample_scenarios(settings.task, stream, config.runs, settings.grid_size)
+    def _evolve(self, engine: Engine, stop: StopRequest) -> tuple[Genomes, Evaluation, Additions]:
+        """One generation: propose, evaluate, add to the archive, learn."""
+        with self._timer.phase("ask"):
+            genomes = self._optimizer.ask()
+        streams = self._scenario_streams(len(genomes))
+        rows = [self._scenarios(stream) for stream in streams]
+        with self._timer.phase("evaluate"):
+            evaluation = engine.evaluate(genomes, rows, stop)
+        with self._timer.phase("archive"):
+            added = self._archive.add(
+                genomes,
+                evaluation.fitness,
+                evaluation.features,
+                evaluation.bodies,
+                success=evaluation.success.mean(axis=1),
+                standing_still=np.resize(
+                    standing_still_fitness(self._settings, rows), len(genomes)
+                ),
+                generation=self._generation,
+                seeds=np.resize(
+                    [seed_row(stream) for stream in streams], (len(genomes), SEED_LENGTH)
+                ),
+            )
+        with self._timer.phase("tell"):
+            self._optimizer.tell(evaluation.fitness, added)
+        return genomes, evaluation, added
 
-        if config.common_scenarios:
-            return draw()
-        return [draw(genome) for genome in range(population)]
+    def _scenario_streams(self, population: int) -> list[np.random.SeedSequence]:
+        """Streams of the current generation's scenarios: one for all genomes, or one for each."""
+        key = (_SCENARIO_STREAM, self._generation)
+        if self._config.common_scenarios:
+            return [self._stream(*key)]
+        return [self._stream(*key, genome) for genome in range(population)]
+
+    def _scenarios(self, stream: np.random.SeedSequence) -> list[Scenario]:
+        settings = self._settings
+        return sample_scenarios(settings.task, stream, self._config.runs, settings.grid_size)
 
     def _count(self, evaluation: Evaluation) -> None:
         self._evaluations += len(evaluation.fitness)
@@ -211,12 +255,13 @@ class Trainer:
         self._best_fitness = max(self._best_fitness, float(np.nanmax(evaluation.fitness)))
 
     def _candidates(self, genomes: Genomes, evaluation: Evaluation) -> Genomes:
-        """The generation's best genome and the mean: often the mean is the better of the two."""
+        """The generation's best genome, and the search's mean or the archive's best elite: often
+        those are better than a lucky draw."""
         best = genomes[int(np.nanargmax(evaluation.fitness))]
         return np.stack([best, self._optimizer.mean])
 
     def _crown(self, candidates: Genomes, result: Evaluation) -> None:
-        sources: Sequence[str] = ("sample", "mean")
+        sources: Sequence[str] = ("sample", self._optimizer.candidate_source)
         for index, source in enumerate(sources):
             fitness = float(result.fitness[index])
             beaten = self._champion is not None and fitness <= self._champion.fitness
@@ -232,12 +277,17 @@ class Trainer:
                 source=source,
             )
 
-    def _metrics(self, evaluation: Evaluation, seconds: float) -> dict[str, float]:
+    def _metrics(
+        self, evaluation: Evaluation, added: Additions, seconds: float
+    ) -> dict[str, float]:
         phases = self._timer.take()
         return {
             **generation_metrics(evaluation),
             "fitness/best_so_far": float(self._best_fitness),
             **{f"optimizer/{key}": value for key, value in self._optimizer.metrics().items()},
+            **{f"archive/{key}": value for key, value in self._archive.statistics().items()},
+            "archive/new": float((added.status == Status.NEW).sum()),
+            "archive/improved": float((added.status == Status.IMPROVED).sum()),
             "progress/evaluations": float(self._evaluations),
             "progress/env_steps": float(self._env_steps),
             "speed/evaluations_per_s": len(evaluation.fitness) / seconds,
@@ -249,6 +299,8 @@ class Trainer:
         self._checkpoints.save(self._generation, self._state())
         if self._champion is not None:
             self._champion.save(self._run_dir / CHAMPION_FILE)
+        elites = EliteArchive(self._config.task, self._archive, self._config.runs)
+        elites.save(self._run_dir / ARCHIVE_FILE)
 
     def _state(self) -> dict[str, Any]:
         return {
@@ -259,6 +311,7 @@ class Trainer:
             "best_fitness": float(self._best_fitness),
             "champion": None if self._champion is None else self._champion.state(),
             "optimizer": self._optimizer.state(),
+            "archive": self._archive.state(),
             "task": vars(self._config.task).copy(),
             "versions": versions(),
         }
@@ -270,6 +323,7 @@ class Trainer:
                 f"the settings' is {vars(self._config.task)}."
             )
         self._optimizer.load_state(state["optimizer"])
+        self._archive.load_state(state["archive"])
         self._generation = state["generation"]
         self._evaluations = state["evaluations"]
         self._env_steps = state["env_steps"]
