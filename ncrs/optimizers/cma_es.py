@@ -180,7 +180,7 @@ class CMAES(Optimizer):
         self._unasked = capture(self._es, sampler=False)
         return np.array(self._es.ask(self._population), dtype=np.float64)
 
-    def _tell(self, asked: Genomes, fitness: Fitness) -> None:
+    def _tell(self, asked: Genomes, fitness: Fitness, added: Any = None) -> None:
         with warnings.catch_warnings():
             # Telling more than pycma's own population size is deliberate where it was not told.
             warnings.filterwarnings("ignore", message="The number of solutions passed to `tell`")
@@ -193,7 +193,10 @@ class CMAES(Optimizer):
 
     def _restart(self) -> None:
         best = self._best_genome
-        start = self.mean if self._restart_from == "mean" or best is None else best.copy()
+        self.restart(self.mean if self._restart_from == "mean" or best is None else best.copy())
+
+    def restart(self, start: NDArray[np.float64]) -> None:
+        """Search anew around ``start``, ``(N,)``, with the first sigma and nothing learned."""
         sampler = None
         if self._algebra.get("linear_algebra") == "torch":
             sampler = self._es.sm  # its matrices are used again
@@ -279,7 +282,7 @@ def _linear_algebra(
     if linear_algebra == "pycma":
         _refuse(
             {"precision": precision, "device": device},
-            "linear_algebra=pycma has no choice of these",
+            "linear_algebra=pycma has neither",
         )
         return {"linear_algebra": linear_algebra}
     return {

@@ -68,8 +68,14 @@ def capture(strategy: Any, *, sampler: bool = True) -> dict[str, Any]:
     """
     state = _capture(strategy, "")
     if sampler:
-        state[_SAMPLER] = _capture(strategy.sm, _SAMPLER)
+        own = _keeps_own_state(strategy.sm)
+        state[_SAMPLER] = strategy.sm.state() if own else _capture(strategy.sm, _SAMPLER)
     return state
+
+
+def _keeps_own_state(sampler: Any) -> bool:
+    """Whether the sampler is one of ours: its matrices are not numpy's."""
+    return hasattr(sampler, "load_state")
 
 
 def _capture(owner: Any, name: str) -> dict[str, Any]:
@@ -88,6 +94,9 @@ def restore(strategy: Any, state: dict[str, Any]) -> None:
     Raises:
         PycmaStateError: the state has parts that the strategy does not know.
     """
+    state = dict(state)
+    if _keeps_own_state(strategy.sm):
+        strategy.sm.load_state(state.pop(_SAMPLER))
     _restore(strategy, state, "")
     strategy._updateBDfromSM(strategy.sm)
     strategy.timer = ElapsedWCTime()  # pycma makes its clock in the first ask

@@ -81,7 +81,7 @@ def test_it_samples_as_plain_pycma_does():
             "verbose": -9,
         },
     )
-    optimizer = make()
+    optimizer = make(linear_algebra="pycma")
     for _ in range(20):
         population = optimizer.ask()
         np.testing.assert_array_equal(population, np.array(plain.ask()))
