@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import threading
 import warnings
 import zipfile
 from collections.abc import Callable
@@ -131,16 +132,62 @@ class CheckpointFolder:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._writer: threading.Thread | None = None
+        self._failure: BaseException | None = None
 
     def paths(self) -> list[Path]:
         """Existing checkpoints, newest first."""
         return sorted(self.folder.glob(_PATTERN), reverse=True)
 
     def save(self, generation: int, state: dict[str, Any]) -> Path:
-        """Write the state from which ``generation`` starts; drop all but the newest two."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        for unfinished in self.folder.glob(f".*{_TEMPORARY}"):
-            unfinished.unlink()  # left by a process that was killed while it wrote
+        """Write the state from which ``generation`` starts; drop all but the newest two.
+
+        Raises:
+            CheckpointError: it could not be written, or the one before it, in the background.
+        """
+        self.wait()
+        return self._write(generation, state)
+
+    def save_in_background(self, generation: int, state: dict[str, Any]) -> None:
+        """Start a ``save`` in a thread and return, so that a large state stalls nothing.
+
+        A save that is still under way is waited for. No array of ``state`` may change any more; the
+        optimizers' states are copies.
+
+        Raises:
+            CheckpointError: the save before this one failed.
+        """
+        self.wait()
+        self._writer = threading.Thread(
+            target=self._write_and_keep_failure, args=(generation, state)
+        )
+        self._writer.start()
+
+    def wait(self) -> None:
+        """Return when nothing is being written; raise what the last background save raised."""
+        if self._writer is not None:
+            self._writer.join()
+            self._writer = None
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+
+    def _write_and_keep_failure(self, generation: int, state: dict[str, Any]) -> None:
+        try:
+            self._write(generation, state)
+        except BaseException as error:  # a thread has no caller: ``wait`` raises it
+            self._failure = error
+
+    def _write(self, generation: int, state: dict[str, Any]) -> Path:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            for unfinished in self.folder.glob(f".*{_TEMPORARY}"):
+                unfinished.unlink()  # left by a process that was killed while it wrote
+        except OSError as error:
+            raise CheckpointError(
+                f"Could not write into {self.folder}: {error.strerror or error}. Change its "
+                "permissions, or use another folder."
+            ) from error
         path = self.folder / f"generation_{generation:08d}.npz"
         write_state(path, state)
         for old in self.paths()[_KEPT:]:
@@ -153,6 +200,7 @@ class CheckpointFolder:
         Raises:
             CheckpointError: there is none.
         """
+        self.wait()
         damaged = []
         for path in self.paths():
             try:

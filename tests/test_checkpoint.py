@@ -101,6 +101,28 @@ def test_no_checkpoint(tmp_path):
         CheckpointFolder(tmp_path / "nowhere").load()
 
 
+def test_saving_in_the_background(tmp_path):
+    folder = CheckpointFolder(tmp_path)
+    for generation in (1, 2, 3):  # each waits for the one before
+        folder.save_in_background(generation, state(generation))
+    assert folder.load()["generation"] == 3
+    assert [path.name for path in folder.paths()] == [
+        "generation_00000003.npz",
+        "generation_00000002.npz",
+    ]
+
+
+@pytest.mark.parametrize("then", ["save", "save_in_background", "wait"])
+def test_a_failure_in_the_background_is_raised_once(tmp_path, then):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    folder = CheckpointFolder(blocked)
+    folder.save_in_background(1, state(1))
+    with pytest.raises(CheckpointError, match="Could not write into"):
+        folder.wait() if then == "wait" else getattr(folder, then)(2, state(2))
+    folder.wait()
+
+
 def test_what_a_killed_writer_left_is_removed(tmp_path):
     left = tmp_path / ".generation_00000001.npz.tmp"
     left.write_bytes(b"half a file")
