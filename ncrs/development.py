@@ -57,8 +57,8 @@ def grow(
     grid_size = check_grid_size(grid_size)
     generator = None if seed is None else torch.Generator().manual_seed(seed)
     batch = (nca.size, 1) if isinstance(nca, NCAPopulation) else (1,)
-    state = torch.zeros((*batch, nca.channels, grid_size, grid_size), device=nca.device)
-    state[..., BODY_CHANNEL, grid_size // 2, grid_size // 2] = 1.0
+    seed_cell = seed_state(nca.channels, grid_size).to(nca.device)
+    state = seed_cell.expand(*batch, *seed_cell.shape)
     states = []
     with torch.no_grad():
         for _ in range(growth_steps(grid_size)):
@@ -72,6 +72,13 @@ def grow(
         return bodies
     grown = torch.stack(states, dim=-4).squeeze(-5).movedim(-3, -1)
     return bodies, grown.cpu().numpy()
+
+
+def seed_state(channels: int, grid_size: int) -> Tensor:
+    """The state that growth starts from, float32 ``(C, n, n)``: body 1 in the middle cell."""
+    state = torch.zeros((channels, grid_size, grid_size))
+    state[BODY_CHANNEL, grid_size // 2, grid_size // 2] = 1.0
+    return state
 
 
 def _alive(state: Tensor) -> Tensor:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import gymnasium
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from PIL import Image
 
 from ncrs.champion import Champion
-from ncrs.control import Controller
-from ncrs.development import grow, read_body
-from ncrs_envs.rendering import MIN_RENDER_SIZE, check_render_size, draw_body
+from ncrs.recording import record_episodes, record_growth
+from ncrs_envs.rendering import MIN_RENDER_SIZE, check_render_size, draw_body, draw_scene
 
 BODY_FILE = "body.png"
 STORY_FILE = "growth_and_episode.png"
@@ -44,30 +41,14 @@ def episode_frames(champion: Champion, *, seed: int = 0, size: int = DEFAULT_SIZ
     Raises:
         RenderError: a size that cannot be drawn.
     """
-    settings = champion.task_settings
-    env = gymnasium.make(
-        f"ncrs_envs:{settings.task.env_id}",
-        body=champion.body.tolist(),
-        render_mode="rgb_array",
-        distance_score=settings.score,
-        success_radius=settings.success_radius,
-        render_size=check_render_size(size),
-    )
-    controller = Controller(champion.nca, champion.body)
-    observation, _ = env.reset(seed=seed)
-    frames = [_frame(env)]
-    truncated, step = False, 0
-    while not truncated:
-        observation, _, _, truncated, _ = env.step(controller.act(observation))
-        step += 1
-        if step % _STEPS_PER_FRAME == 0 or truncated:
-            frames.append(_frame(env))
-    env.close()
-    return frames
-
-
-def _frame(env: gymnasium.Env[Frame, Frame]) -> Frame:
-    return np.asarray(env.render(), dtype=np.uint8)
+    check_render_size(size)
+    recording = record_episodes(champion, 1, seed)[0]
+    last = len(recording.scenes) - 1
+    return [
+        draw_scene(scene, size)
+        for step, scene in enumerate(recording.scenes)
+        if step % _STEPS_PER_FRAME == 0 or step == last
+    ]
 
 
 def save_animation(frames: list[Frame], path: Path) -> None:
@@ -87,12 +68,9 @@ def story(champion: Champion, frames: list[Frame]) -> Frame:
     Returns:
         RGB, uint8 ``(height, _SCENES * size, 3)``.
     """
-    nca = champion.nca
-    _, states = grow(nca, champion.task.grid_size, history=True)
-    steps = np.linspace(0, len(states) - 1, min(_BODIES, len(states))).round().astype(int)
-    bodies = [
-        read_body(torch.from_numpy(states[step]).movedim(-1, 0), nca.layout) for step in steps
-    ]
+    grown = record_growth(champion).bodies
+    steps = np.linspace(0, len(grown) - 1, min(_BODIES, len(grown))).round().astype(int)
+    bodies = grown[steps]
     chosen = [
         frames[index] for index in np.linspace(0, len(frames) - 1, _SCENES).round().astype(int)
     ]

@@ -96,14 +96,15 @@ def check_render_size(size: Any) -> int:
     return int(size)
 
 
-def draw_scene(scene: Scene, size: int = DEFAULT_RENDER_SIZE) -> NDArray[np.uint8]:
+def draw_scene(
+    scene: Scene, size: int = DEFAULT_RENDER_SIZE, *, inset: bool = True
+) -> NDArray[np.uint8]:
     """Draw an episode as it stands, seen from above with +y up, walls included.
-
-    Where the robot would be small, a corner shows it again, larger and heading up.
 
     Args:
         scene: what to draw.
         size: side of the picture in pixels.
+        inset: where the robot would be small, show it again in a corner, larger and heading up.
 
     Returns:
         RGB, uint8 ``(size, size, 3)``.
@@ -122,12 +123,28 @@ def draw_scene(scene: Scene, size: int = DEFAULT_RENDER_SIZE) -> NDArray[np.uint
         canvas.ring(view, scene.ball, BALL_RADIUS, WHITE, 0.25, dashed=False)
     robot_view = view.placed(scene.pose[:2], scene.pose[2])
     _draw_robot(canvas, robot_view, scene.body, scene.sensor_values, scene.action)
-    _draw_inset(canvas, view, scene)
+    if inset:
+        _draw_inset(canvas, view, scene)
     return canvas.image()
 
 
-def draw_body(body: BodyGrid, size: int = DEFAULT_RENDER_SIZE) -> NDArray[np.uint8]:
-    """Draw a body alone, front up, its sensors lit; uint8 ``(size, size, 3)``.
+def draw_body(
+    body: BodyGrid,
+    size: int = DEFAULT_RENDER_SIZE,
+    *,
+    sensor_values: NDArray[np.floating] | None = None,
+    action: NDArray[np.floating] | None = None,
+) -> NDArray[np.uint8]:
+    """Draw a body alone, front up.
+
+    Args:
+        body: cell codes, ``(n, n)``.
+        size: side of the picture in pixels.
+        sensor_values: in [0, 1], ``(n, n)``; None for all lit.
+        action: gas, ``(n, n)``; None for none.
+
+    Returns:
+        RGB, uint8 ``(size, size, 3)``.
 
     Raises:
         RenderError: a size that cannot be drawn.
@@ -137,7 +154,8 @@ def draw_body(body: BodyGrid, size: int = DEFAULT_RENDER_SIZE) -> NDArray[np.uin
     view = canvas.fit((n + 1) * CELL_SIZE / 2.0)
     for center in cell_centers(n).reshape(-1, 2).tolist():
         canvas.box(view, (center[0], center[1]), (0.96, 0.96), GRID)
-    _draw_robot(canvas, view, body, np.ones(body.shape), np.zeros(body.shape))
+    values = np.ones(body.shape) if sensor_values is None else sensor_values
+    _draw_robot(canvas, view, body, values, np.zeros(body.shape) if action is None else action)
     return canvas.image()
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ncrs.control import Controller, StateError
@@ -21,6 +19,7 @@ from ncrs.engines.base import (
 )
 from ncrs.engines.pool import WorkerPool
 from ncrs.nca import NCA
+from ncrs.threads import one_torch_thread
 from ncrs_envs.body import BodyGrid
 from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.scenario import Scenario
@@ -42,20 +41,9 @@ class _GenomeResult:
     crossed: NDArray[np.bool_]
 
 
-@contextmanager
-def _one_torch_thread() -> Iterator[None]:
-    """The arithmetic of a genome must not depend on how many threads share it."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
-
-
 def evaluate_genome(job: _Job) -> _GenomeResult:
     """Grow one genome's robot and drive it through its scenarios, all runs in step."""
-    with _one_torch_thread():
+    with one_torch_thread():
         nca = NCA(job.settings.task).set_genome(job.genome)
         body = grow(nca, job.settings.grid_size)
         runs = len(job.scenarios)

@@ -1,0 +1,23 @@
+"""How many threads torch uses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import torch
+
+
+@contextmanager
+def one_torch_thread() -> Iterator[None]:
+    """Within the block torch uses one thread.
+
+    The arithmetic of a genome must not depend on how many threads share it; and for a single NCA,
+    threads wait for each other longer than they compute.
+    """
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
