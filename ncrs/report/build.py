@@ -1,0 +1,237 @@
+"""Build a report: record the robots, and write the page with its data into a folder."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ncrs.layout import STATE_LIMIT
+from ncrs.nca import NCAPopulation
+from ncrs.report.curves import load_curves
+from ncrs.report.encoding import pack, quantize, write_data
+from ncrs.report.overview import charts, facts, robot_table, setting_lines, task_title, world
+from ncrs.report.robots import ReportError, Robots, load_robots
+from ncrs.settings import load_config
+from ncrs_envs.body import sensor_mask, wheel_mask
+from ncrs_envs.physics import MAX_TRANSLATION
+from ncrs_envs.scenario import WALL_EXTENT, Scenario, sample_scenarios
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings, playfield
+
+REPORT_FOLDER = "report"
+PAGE_FILE = "index.html"
+DATA_FOLDER = "data"
+OVERVIEW_FILE = f"{DATA_FOLDER}/overview.js"
+ALL, CHAMPION = "all", "champion"
+"""Which robots to record."""
+EPISODES = 2
+CHUNK = 20
+"""Robots in one data file: few enough to load at a click, enough to keep the files few."""
+_BATCH = 12 * CHUNK
+"""Robots recorded at once."""
+_PAGE_PARTS = ("report.css",)
+_SCRIPTS = (
+    "data.js",
+    "colors.js",
+    "charts.js",
+    "drawing.js",
+    "player.js",
+    "growth.js",
+    "robot.js",
+    "archive.js",
+    "app.js",
+)
+# Begins the stream of a report's scenarios, which no run has been trained or tested on.
+_STREAM = 6
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was written."""
+
+    page: Path
+    """The file to open."""
+    robots: int
+    recorded: int
+    """Robots with growth and episodes."""
+    size: int
+    """Bytes of all files."""
+
+
+def build_report(
+    run_dir: str | Path,
+    folder: str | Path | None = None,
+    *,
+    episodes: int = EPISODES,
+    elites: str = ALL,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Report:
+    """Write a run's report, in place of an older one.
+
+    Args:
+        run_dir: the run's folder.
+        folder: where to; by default ``report`` in the run's folder.
+        episodes: fresh episodes for every robot, in the same scenarios for all.
+        elites: "all" records every robot, "champion" the champion alone.
+        seed: of the scenarios.
+        progress: called with the number of robots recorded so far, and of all to record.
+
+    Raises:
+        ConfigError: the folder holds no run, or neither an archive nor a champion.
+        ReportError: there is no robot to show; or ``folder`` holds something else than a report;
+            or an option is unknown.
+        ScenarioError: ``episodes`` is not a positive integer.
+        CheckpointError: a file of the run is damaged.
+    """
+    run_dir = Path(run_dir)
+    if elites not in (ALL, CHAMPION):
+        raise ReportError(f"elites must be {ALL!r} or {CHAMPION!r}, got {elites!r}.")
+    config = load_config(run_dir)
+    robots = load_robots(run_dir)
+    if elites == CHAMPION and robots.champion is None:
+        raise ReportError(
+            f"{run_dir} has no champion yet; record all elites, or train for longer."
+        )
+    target = run_dir / REPORT_FOLDER if folder is None else Path(folder)
+    _check_target(target)
+    settings = robots.task.checked()
+    scenarios = sample_scenarios(
+        settings.task,
+        np.random.SeedSequence(seed, spawn_key=(_STREAM,)),
+        episodes,
+        settings.grid_size,
+    )
+    curves = load_curves(run_dir)
+    first = robots.elites if elites == CHAMPION else 0
+    overview = {
+        "run": run_dir.resolve().name,
+        "world": world(settings, scenarios),
+        "robots": robot_table(robots),
+        "charts": charts(curves),
+        "records": {"first": first, "chunk": CHUNK},
+        "limits": _limits(settings),
+    }
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".report-", dir=target.parent) as temporary:
+        made = Path(temporary) / REPORT_FOLDER
+        (made / DATA_FOLDER).mkdir(parents=True)
+        write_data(made / OVERVIEW_FILE, "overview", 0, overview)
+        page = {
+            "title": f"{task_title(settings.task)}, {config.optimizer.name}",
+            "run": overview["run"],
+            "facts": facts(config, robots, curves),
+            "settings": setting_lines(asdict(config)),
+            "has_archive": robots.elites > 0,
+            "has_charts": bool(overview["charts"]),
+            "scripts": _SCRIPTS,
+        }
+        _write_page(made, page)
+        _write_robots(made / DATA_FOLDER, robots, first, scenarios, progress)
+        size = sum(path.stat().st_size for path in made.rglob("*") if path.is_file())
+        if target.exists():
+            shutil.rmtree(target)
+        made.replace(target)
+    return Report(target / PAGE_FILE, len(robots), len(robots) - first, size)
+
+
+def _check_target(target: Path) -> None:
+    """Nothing but a report, or an empty folder, is written over."""
+    if target.is_dir() and (not any(target.iterdir()) or (target / OVERVIEW_FILE).is_file()):
+        return
+    if target.exists():
+        raise ReportError(
+            f"{target} exists and is no report; give another folder, or remove it first."
+        )
+
+
+def _limits(settings: TaskSettings) -> dict[str, float]:
+    """The largest magnitudes of what is rounded to integers; see ``quantize``."""
+    reach = WALL_EXTENT * playfield(settings.grid_size) + MAX_TRANSLATION * MAX_EPISODE_STEPS
+    return {"position": reach, "angle": float(np.pi), "state": STATE_LIMIT, "unit": 1.0}
+
+
+def _write_page(folder: Path, values: dict[str, Any]) -> None:
+    """The page, its style and its scripts."""
+    try:
+        from jinja2 import Environment, StrictUndefined
+    except ImportError as error:
+        raise ReportError(
+            "A report needs jinja2, which is not installed: pip install 'ncrs[viz]'."
+        ) from error
+    source = files("ncrs.report") / "page"
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    template = environment.from_string((source / f"{PAGE_FILE}.j2").read_text(encoding="utf-8"))
+    (folder / PAGE_FILE).write_text(template.render(values), encoding="utf-8")
+    for name in (*_PAGE_PARTS, *_SCRIPTS):
+        (folder / name).write_text((source / name).read_text(encoding="utf-8"), encoding="utf-8")
+
+
+def _write_robots(
+    data: Path,
+    robots: Robots,
+    first: int,
+    scenarios: Sequence[Scenario],
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    """Record the robots from ``first`` on, and write their data and genomes."""
+    settings = robots.task.checked()
+    for start in range(first, len(robots), _BATCH):
+        rows = slice(start, min(start + _BATCH, len(robots)))
+        records = _record(robots, rows, scenarios, settings)
+        genomes = [pack(genome) for genome in robots.genomes[rows]]
+        for offset in range(0, len(records), CHUNK):
+            index = (start - first + offset) // CHUNK
+            part = slice(offset, offset + CHUNK)
+            write_data(data / f"robots-{index}.js", "robots", index, records[part])
+            write_data(data / f"genomes-{index}.js", "genomes", index, genomes[part])
+        if progress is not None:
+            progress(rows.stop - first, len(robots) - first)
+
+
+def _record(
+    robots: Robots, rows: slice, scenarios: Sequence[Scenario], settings: TaskSettings
+) -> list[dict[str, Any]]:
+    """Growth, channels and episodes of some robots, as the page reads them."""
+    from ncrs.report.episodes import record_episodes, record_growth
+
+    limits = _limits(settings)
+    population = NCAPopulation(robots.genomes[rows], settings.task)
+    bodies = robots.bodies[rows]
+    growth = record_growth(population, settings.grid_size)
+    grown = growth.bodies.astype(np.uint8)
+    states = quantize(np.moveaxis(growth.states, -1, 2), limits["state"], np.int8)
+    runs = record_episodes(population, bodies, scenarios, settings)
+    angles = np.remainder(runs.poses[..., 2] + np.pi, 2.0 * np.pi) - np.pi
+    columns = {
+        "position": quantize(runs.poses[..., :2], limits["position"], np.int16),
+        "angle": quantize(angles, limits["angle"], np.int16),
+        "reward": quantize(runs.rewards, limits["unit"], np.uint16),
+        "control": quantize(np.moveaxis(runs.control_states, -1, 2), limits["state"], np.int8),
+    }
+    if settings.task.has_ball:
+        columns["ball"] = quantize(runs.balls, limits["position"], np.int16)
+    sensors = quantize(runs.sensors, limits["unit"], np.uint8)
+    gas = quantize(runs.gas, limits["unit"], np.int8)
+    records = []
+    for robot, body in enumerate(bodies):
+        episodes = [
+            {
+                **{name: pack(values[robot, episode]) for name, values in columns.items()},
+                "sensors": pack(sensors[robot, episode][:, sensor_mask(body)]),
+                "gas": pack(gas[robot, episode][:, wheel_mask(body)]),
+                "fitness": float(runs.fitness[robot, episode]),
+                "successStep": int(runs.success_steps[robot, episode]),
+            }
+            for episode in range(len(scenarios))
+        ]
+        records.append(
+            {"bodies": pack(grown[robot]), "states": pack(states[robot]), "episodes": episodes}
+        )
+    return records

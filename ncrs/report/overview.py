@@ -1,0 +1,195 @@
+"""What a report says of the run as a whole, and the table of its robots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ncrs.layout import STATE_LIMIT, NCALayout, nca_layout
+from ncrs.report.curves import Curve
+from ncrs.report.robots import Robots
+from ncrs.settings import TrainConfig
+from ncrs_envs import canvas
+from ncrs_envs.body import CELL_CHARACTERS, CELL_SIZE, SENSOR_CELLS, Cell, body_to_characters
+from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, TARGET_SIDE
+from ncrs_envs.scenario import WALL_EXTENT, Scenario, wall_quads
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, Task, TaskSettings, playfield
+
+CHARTS: Sequence[tuple[str, Mapping[str, str]]] = (
+    (
+        "Fitness",
+        {
+            "fitness/best": "best of the generation",
+            "fitness/mean": "mean of the generation",
+            "champion/fitness": "champion, on scenarios set aside",
+        },
+    ),
+    (
+        "Success",
+        {
+            "success/best": "best of the generation",
+            "success/mean": "mean of the generation",
+            "champion/success": "champion, on scenarios set aside",
+        },
+    ),
+    (
+        "Archive",
+        {"archive/filled_share": "triples filled", "archive/qd_score": "QD score"},
+    ),
+)
+"""Title of each chart, and its curves' names by tag."""
+
+_COLORS = (
+    "AMBER SKY GREEN VERMILION WHITE GROUND GRID BORDER WALL WALL_EDGE TISSUE CELL_EDGE "
+    "SENSOR_BASE WHEEL_BASE"
+).split()
+_UNIT_POINT = 2
+"""Decimals of placements, in units."""
+
+
+def task_title(task: Task) -> str:
+    """A task's name for people: "LightChase" for "light_chase"."""
+    return task.name.replace("_", " ").title().replace(" ", "")
+
+
+def channel_names(layout: NCALayout) -> list[str]:
+    """A name for each channel of the NCA, in order."""
+    parts = [Cell(code).name.lower().replace("_", " ") for code in layout.part_codes]
+    hidden = [f"hidden {index + 1}" for index in range(layout.io_channel - layout.part_channels.stop)]
+    return ["body", "control flag", *parts, *hidden, "input/output"]
+
+
+def _last(curves: Mapping[str, Curve], tag: str) -> float | None:
+    curve = curves.get(tag)
+    return None if curve is None or not len(curve.values) else float(curve.values[-1])
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s"
+
+
+def facts(config: TrainConfig, robots: Robots, curves: Mapping[str, Curve]) -> dict[str, str]:
+    """The run in a few lines, as names and values."""
+    task = robots.task.checked().task
+    lines = {"Task": task_title(task), "Optimizer": config.optimizer.name, "Seed": str(config.seed)}
+    generations = curves.get("fitness/best")
+    if generations is not None and len(generations.generations):
+        lines["Generations"] = f"{generations.generations[-1] + 1:,}"
+    for name, tag in (("Evaluations", "evaluations"), ("Environment steps", "env_steps")):
+        value = _last(curves, f"progress/{tag}")
+        if value is not None:
+            lines[name] = f"{value:,.0f}"
+    seconds = sum(float(c.values.sum()) for tag, c in curves.items() if tag.startswith("time/"))
+    if seconds > 0.0:
+        lines["Computing time"] = _duration(seconds)
+    if robots.elites:
+        statistics = robots.archive.statistics()
+        possible = len(robots.archive.space.triples)
+        lines |= {
+            "Elites": f"{robots.elites:,} of {possible:,} feature triples "
+            f"({statistics['filled_share']:.1%})",
+            "QD score": f"{statistics['qd_score']:.4f}",
+            "Best elite": f"{statistics['best']:.4f}",
+            "Elites that succeed in half of their runs": f"{statistics['succeed']:,.0f}",
+        }
+    return lines
+
+
+def setting_lines(values: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """Settings by dotted name, those that are not null."""
+    lines: dict[str, str] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            lines |= setting_lines(value, f"{prefix}{name}.")
+        elif value is not None:
+            lines[prefix + name] = str(value)
+    return lines
+
+
+def charts(curves: Mapping[str, Curve]) -> list[dict[str, Any]]:
+    """Those of ``CHARTS`` that there is something to draw of."""
+    drawn = []
+    for title, names in CHARTS:
+        lines = [
+            {
+                "name": name,
+                "x": curves[tag].thinned().generations.tolist(),
+                "y": np.round(curves[tag].thinned().values, 6).tolist(),
+            }
+            for tag, name in names.items()
+            if tag in curves and len(curves[tag].values)
+        ]
+        if lines:
+            drawn.append({"title": title, "lines": lines})
+    return drawn
+
+
+def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, Any]:
+    """Constants and placements that the page needs to draw episodes."""
+    task = settings.task
+    return {
+        "task": task.name,
+        "title": task_title(task),
+        "gridSize": settings.grid_size,
+        "extent": playfield(settings.grid_size),
+        "wallExtent": WALL_EXTENT,
+        "successRadius": settings.success_radius,
+        "distanceScore": settings.score,
+        "hasBall": task.has_ball,
+        "lightRadius": LIGHT_RADIUS,
+        "ballRadius": BALL_RADIUS,
+        "targetSide": TARGET_SIDE,
+        "cellSize": CELL_SIZE,
+        "dt": DT,
+        "steps": MAX_EPISODE_STEPS,
+        "channels": channel_names(nca_layout(task)),
+        "stateLimit": STATE_LIMIT,
+        "cells": {
+            character: {
+                "code": int(cell),
+                "name": _cell_name(cell, task),
+                "senses": cell in SENSOR_CELLS,
+                "drives": cell is Cell.WHEEL,
+            }
+            for character, cell in CELL_CHARACTERS.items()
+        },
+        "palette": {name.lower(): "rgb(%d, %d, %d)" % getattr(canvas, name) for name in _COLORS},
+        "scenarios": [_placements(scenario, settings.grid_size) for scenario in scenarios],
+    }
+
+
+def _cell_name(cell: Cell, task: Task) -> str:
+    if cell is Cell.LIGHT_SENSOR and task.has_ball:
+        return "ball sensor"
+    return cell.name.lower().replace("_", " ")
+
+
+def _placements(scenario: Scenario, grid_size: int) -> dict[str, Any]:
+    quads = np.round(wall_quads(scenario, grid_size), _UNIT_POINT).tolist()
+    return {
+        "light": scenario.light,
+        "target": scenario.target,
+        "start": scenario.start,
+        "walls": quads,
+    }
+
+
+def robot_table(robots: Robots) -> dict[str, Any]:
+    """Numbers and bodies of all robots, as they are, one list for each column."""
+    space = robots.archive.space
+    return {
+        "elites": robots.elites,
+        "eliteRuns": robots.elite_runs,
+        "champion": None if robots.champion is None else robots.elites,
+        "championSource": None if robots.champion is None else robots.champion.source,
+        "space": [space.min_sensors, space.min_wheels, space.max_cells],
+        "features": robots.features.tolist(),
+        "fitness": robots.fitness.tolist(),
+        "success": robots.success.tolist(),
+        "generation": robots.generations.tolist(),
+        "body": [body_to_characters(body).replace("\n", "") for body in robots.bodies],
+    }

@@ -1,0 +1,118 @@
+"""The robots that a report shows: a run's elites, and its champion after them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.archive import Archive
+from ncrs.champion import CHAMPION_FILE, Champion, load_champion_file
+from ncrs.elites import ARCHIVE_FILE, EliteArchive, load_archive, make_archive
+from ncrs.settings import ConfigError, TaskConfig
+from ncrs_envs.body import body_features
+
+
+class ReportError(ValueError):
+    """A report that cannot be made, or not where it was asked for."""
+
+
+@dataclass(frozen=True)
+class Robots:
+    """R robots of one task: the archive's elites in its order, then the champion if there is one.
+
+    The champion stands apart even if it is an elite too, since its fitness was measured on other
+    scenarios.
+    """
+
+    task: TaskConfig
+    archive: Archive
+    """Empty for runs without elites."""
+    elite_runs: int
+    """Scenarios behind an elite's fitness; 0 without an archive."""
+    champion: Champion | None
+    genomes: NDArray[np.float32]
+    """Shape ``(R, N)``."""
+    bodies: NDArray[np.int8]
+    """Cell codes, ``(R, n, n)``."""
+    features: NDArray[np.int64]
+    """Sensors, wheels, cells; ``(R, 3)``."""
+    fitness: NDArray[np.float64]
+    """Shape ``(R,)``; so are the next two."""
+    success: NDArray[np.float64]
+    generations: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.fitness)
+
+    @property
+    def elites(self) -> int:
+        """Number of robots that are the archive's."""
+        return len(self.archive)
+
+
+def load_robots(run_dir: Path) -> Robots:
+    """Load a run's archive and champion.
+
+    Raises:
+        ConfigError: the folder holds neither.
+        ReportError: both are there, but no robot in them; or they are of different tasks.
+        CheckpointError: a file is damaged.
+    """
+    archive = load_archive(run_dir) if (run_dir / ARCHIVE_FILE).is_file() else None
+    champion = load_champion_file(run_dir) if (run_dir / CHAMPION_FILE).is_file() else None
+    if archive is None and champion is None:
+        raise ConfigError(
+            f"{run_dir} holds neither {ARCHIVE_FILE} nor {CHAMPION_FILE}: give the folder of a run "
+            "that has written a checkpoint."
+        )
+    if archive is not None and champion is not None and archive.task != champion.task:
+        raise ReportError(
+            f"{run_dir} holds an archive for {archive.task} and a champion for {champion.task}; "
+            "both must be of the same run."
+        )
+    robots = gather_robots(archive, champion)
+    if not len(robots):
+        raise ReportError(f"{run_dir} holds no robot yet: its archive is empty. Train for longer.")
+    return robots
+
+
+def gather_robots(archive: EliteArchive | None, champion: Champion | None) -> Robots:
+    """Put the elites and the champion into one table; at least one of the two must be given."""
+    task = archive.task if archive is not None else _task_of(champion)
+    elites = make_archive(task.checked()) if archive is None else archive.archive
+    columns: dict[str, NDArray[Any]] = {
+        name: elites.column(name)
+        for name in ("genomes", "bodies", "fitness", "success", "generations")
+    }
+    features = elites.features
+    if champion is not None:
+        last = {
+            "genomes": champion.genome,
+            "bodies": champion.body,
+            "fitness": champion.fitness,
+            "success": champion.success,
+            "generations": champion.generation,
+        }
+        columns = {
+            name: np.concatenate([column, np.asarray(last[name], dtype=column.dtype)[None]])
+            for name, column in columns.items()
+        }
+        features = np.concatenate([features, body_features(champion.body)[None]])
+    return Robots(
+        task=task,
+        archive=elites,
+        elite_runs=0 if archive is None else archive.runs,
+        champion=champion,
+        features=features,
+        **columns,
+    )
+
+
+def _task_of(champion: Champion | None) -> TaskConfig:
+    if champion is None:
+        raise ReportError("There is neither an archive nor a champion to report on.")
+    return champion.task
