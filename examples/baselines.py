@@ -1,0 +1,96 @@
+"""How far simple controllers get through ``gymnasium.make``: ``python examples/baselines.py``.
+
+Three controllers on hand-made bodies, 100 episodes each on Box2D: random actions, full throttle,
+and a Braitenberg vehicle, whose left wheels speed up when the right sensor sees more light, and the
+other way round. In CarryBall it chases the ball. A robot that stands still earns 0.427 in
+LightChase.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+import ncrs_envs
+from ncrs.statistics import wilson_interval
+
+Grid = NDArray[np.float32]
+Controller = Callable[[Grid], Grid]
+
+# Light bodies turn fast. Only three cells wide fit through the passage of Obstacle.
+BODIES = {
+    "light_chase": [".....", "LWWWL", "WWWWW", "WWWWW", "....."],
+    "obstacle": [".....", ".LWL.", ".WWW.", ".WWW.", "....."],
+    "carry_ball": [".....", "LWTWL", "WWWWW", "WWWWW", "....."],
+}
+GAIN = {"light_chase": 80.0, "obstacle": 320.0, "carry_ball": 80.0}
+
+
+def random_actions(seed: int) -> Controller:
+    """Every wheel at random in every step."""
+    rng = np.random.default_rng(seed)
+    return lambda observation: rng.uniform(-1, 1, observation.shape).astype(np.float32)
+
+
+def full_throttle(observation: Grid) -> Grid:
+    """All wheels forward."""
+    return np.ones_like(observation)
+
+
+def braitenberg(body: NDArray[np.int8], gain: float) -> Controller:
+    """Steer by the difference between the outermost light sensors."""
+    sensors = np.argwhere(body == ncrs_envs.Cell.LIGHT_SENSOR)
+    left = tuple(sensors[sensors[:, 1].argmin()])
+    right = tuple(sensors[sensors[:, 1].argmax()])
+    columns = np.arange(body.shape[1]) - (body.shape[1] - 1) / 2
+    side = np.broadcast_to(np.sign(columns), body.shape)
+
+    def act(observation: Grid) -> Grid:
+        turn = gain * (observation[right] - observation[left])
+        return np.clip(1.0 - side * turn, -1.0, 1.0).astype(np.float32)
+
+    return act
+
+
+def run(task: str, controller: Controller, episodes: int) -> tuple[float, int]:
+    """Mean reward per step, and the number of episodes that succeeded."""
+    env = gymnasium.make(ncrs_envs.TASKS[task].env_id, body=BODIES[task])
+    rewards, successes = [], 0
+    for seed in range(episodes):
+        observation, info = env.reset(seed=seed, options={"region": seed % 4})
+        truncated = False
+        while not truncated:
+            observation, reward, _, truncated, info = env.step(controller(observation))
+            rewards.append(reward)
+        successes += info["success"]
+    return float(np.mean(rewards)), successes
+
+
+def main() -> None:
+    """Run all and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--episodes", type=int, default=100, help="default: %(default)s")
+    episodes = parser.parse_args().episodes
+    print(f"{'task':<14}{'controller':<16}{'fitness':>8}{'success':>9}  95 % interval")
+    for task, rows in BODIES.items():
+        body = ncrs_envs.parse_body(rows)
+        controllers = {
+            "random": random_actions(0),
+            "full throttle": full_throttle,
+            "Braitenberg": braitenberg(body, GAIN[task]),
+        }
+        for name, controller in controllers.items():
+            fitness, successes = run(task, controller, episodes)
+            low, high = wilson_interval(successes, episodes)
+            print(
+                f"{task:<14}{name:<16}{fitness:>8.4f}{successes / episodes:>9.0%}"
+                f"  {low:.0%} to {high:.0%}"
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,29 @@
+"""The examples keep running, and the Braitenberg vehicle keeps solving LightChase."""
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+import ncrs_envs
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture(scope="module")
+def baselines():
+    return runpy.run_path(str(EXAMPLES / "baselines.py"))
+
+
+def test_the_braitenberg_vehicle_solves_light_chase(baselines):
+    body = ncrs_envs.parse_body(baselines["BODIES"]["light_chase"])
+    controller = baselines["braitenberg"](body, baselines["GAIN"]["light_chase"])
+    fitness, successes = baselines["run"]("light_chase", controller, 8)
+    assert fitness > 0.68
+    assert successes == 8
+
+
+@pytest.mark.parametrize("task", sorted(ncrs_envs.TASKS))
+def test_all_bodies_suit_their_task(baselines, task):
+    fitness, _ = baselines["run"](task, baselines["full_throttle"], 1)
+    assert 0.1 < fitness < 0.8
