@@ -342,10 +342,7 @@ class RobotVectorEnv(_BaseEnv):
             ResetNeeded: one of them has no episode.
         """
         if self.render_mode is None:
-            gymnasium.logger.warn(
-                "render() was called without a render_mode; make the environment with "
-                "render_mode='rgb_array'."
-            )
+            gymnasium.logger.warn("render() needs an environment with render_mode='rgb_array'.")
             return None
         return tuple(draw_scene(self.scene(env), self.render_size) for env in self._render_envs)
 
