@@ -7,9 +7,9 @@ import sys
 from collections.abc import Sequence
 
 from ncrs.checkpoint import CheckpointError
-from ncrs.commands import evaluate, render, report
+from ncrs.commands import archive, evaluate, render, report
 
-_COMMANDS = (evaluate, render, report)
+_COMMANDS = (evaluate, archive, render, report)
 
 
 def _parser() -> argparse.ArgumentParser:

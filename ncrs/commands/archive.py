@@ -1,0 +1,108 @@
+"""``ncrs archive``: what a run's archive holds, estimated again, and in other formats."""
+
+from __future__ import annotations
+
+import argparse
+import pickle
+from pathlib import Path
+
+import numpy as np
+
+from ncrs.archive import PAPER_TRIPLES, STANDING_STILL_MARGIN, SUCCESS_SHARE
+from ncrs.checkpoint import write_atomically
+from ncrs.commands import Commands, folder_of, print_saved
+from ncrs.elites import EliteArchive, load_archive
+from ncrs.engines.base import AUTO_ENGINE, ENGINES, make_engine
+from ncrs.evaluation import RUNS
+from ncrs.exports import to_pyribs, write_csv
+from ncrs.reestimation import reestimate
+
+REESTIMATED_FILE = "archive_reestimated.npz"
+CSV_FILE = "archive.csv"
+PYRIBS_FILE = "archive_pyribs.pkl"
+# First key of the scenarios' stream; training and assessment have the keys below.
+_STREAM = 5
+
+
+def add_parser(commands: Commands) -> None:
+    """Declare the command."""
+    parser = commands.add_parser(
+        "archive", help="say what the archive holds; estimate it again, or export it"
+    )
+    parser.add_argument("run", type=Path, metavar="RUN_DIR", help="a run's folder, or an archive")
+    parser.add_argument(
+        "--reestimate",
+        action="store_true",
+        help=f"evaluate all elites on fresh scenarios and save them as {REESTIMATED_FILE}",
+    )
+    parser.add_argument(
+        "--runs", type=int, default=RUNS, help="fresh scenarios; default: %(default)s"
+    )
+    parser.add_argument("--engine", choices=[AUTO_ENGINE, *sorted(ENGINES)], default=AUTO_ENGINE)
+    parser.add_argument("--seed", type=int, default=0, help="of the scenarios; default: 0")
+    parser.add_argument(
+        "--export",
+        choices=("csv", "pyribs"),
+        help=f"write {CSV_FILE}, or {PYRIBS_FILE}: a pickled ribs.archives.GridArchive",
+    )
+    parser.set_defaults(action=_run)
+
+
+def _run(options: argparse.Namespace) -> None:
+    elites = load_archive(options.run)
+    folder = folder_of(options.run)
+    print(f"{elites.task.name}, archive of {options.run}:")
+    print("\n".join("  " + line for line in archive_lines(elites)))
+    if options.reestimate:
+        elites = reestimated(elites, options.engine, options.seed, options.runs)
+        print(f"On {options.runs} fresh scenarios:")
+        print("\n".join("  " + line for line in archive_lines(elites)))
+        elites.save(folder / REESTIMATED_FILE)
+        print_saved([folder / REESTIMATED_FILE])
+    if options.export == "csv":
+        write_csv(elites, folder / CSV_FILE)
+        print_saved([folder / CSV_FILE])
+    elif options.export == "pyribs":
+        other = to_pyribs(elites.archive)
+        write_atomically(folder / PYRIBS_FILE, lambda stream: pickle.dump(other, stream))
+        print_saved([folder / PYRIBS_FILE])
+
+
+def reestimated(elites: EliteArchive, engine: str, seed: int, runs: int) -> EliteArchive:
+    """A copy whose elites were all evaluated on the same fresh scenarios.
+
+    Raises:
+        ValueError: unknown engine, negative seed, or ``runs`` below 1.
+    """
+    copy = EliteArchive(elites.task, type(elites.archive).from_state(elites.archive.state()), runs)
+    stream = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
+    with make_engine(engine, elites.task.checked()) as running:
+        reestimate(copy.archive, running, stream, runs)
+    return copy
+
+
+def archive_lines(elites: EliteArchive) -> list[str]:
+    """An archive's statistics for people."""
+    archive = elites.archive
+    numbers = archive.statistics()
+    possible = len(archive.space.triples)
+    filled = int(numbers["filled"])
+    paper = score = ""
+    if possible != PAPER_TRIPLES:
+        paper = f" ({numbers['filled_share_of_2024']:.1%} of the paper's {PAPER_TRIPLES:,})"
+        score = f" ({numbers['qd_score_of_2024']:.4f} by the paper's {PAPER_TRIPLES:,})"
+    lines = [
+        f"filled   {filled:,} of {possible:,} feature triples, "
+        f"{numbers['filled_share']:.1%}{paper}",
+        f"QD-score {numbers['qd_score']:.4f}{score}",
+    ]
+    if filled:
+        still = float(archive.column("standing_still").mean())
+        lines += [
+            f"fitness  best {numbers['best']:.4f}, mean {numbers['mean']:.4f}; "
+            f"standing still earns {still:.4f}",
+            f"{int(numbers['beat_standing_still']):,} elites beat standing still by "
+            f"{STANDING_STILL_MARGIN} or more; {int(numbers['succeed']):,} succeed in "
+            f"{SUCCESS_SHARE:.0%} of {elites.runs} runs or more",
+        ]
+    return lines
