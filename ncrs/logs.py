@@ -1,4 +1,4 @@
-"""What a run reports while it runs: TensorBoard curves and a progress bar."""
+"""What a run reports while it runs: TensorBoard, a table of its curves, and a progress bar."""
 
 from __future__ import annotations
 
@@ -14,12 +14,16 @@ from time import perf_counter
 from types import TracebackType
 
 import numpy as np
+from numpy.typing import NDArray
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
+from ncrs.archive import Archive
 from ncrs.champion import Champion
 from ncrs.engines.base import Evaluation
+from ncrs.metrics import MetricsFile
 from ncrs.settings import TrainConfig
+from ncrs.viz.tensorboard import RunPictures, add_end, add_settings
 
 _PACKAGES = ("torch", "numpy", "gymnasium", "cma")
 _BAR_SECONDS_WITHOUT_TERMINAL = 15.0
@@ -72,19 +76,24 @@ def generation_metrics(evaluation: Evaluation) -> dict[str, float]:
 
 
 class RunLog:
-    """TensorBoard and progress bar of one run; a context manager.
+    """TensorBoard, table and progress bar of one run; a context manager.
 
     Args:
         run_dir: folder of the event files.
-        config: written as text with the versions.
-        start: first generation; what TensorBoard has from there on is dropped.
+        config: written as text with the versions, and as hyperparameters.
+        start: first generation; what was recorded from there on is dropped.
     """
 
     def __init__(self, run_dir: Path, config: TrainConfig, start: int) -> None:
         self._writer = SummaryWriter(str(run_dir), purge_step=start if start else None)
+        self._pictures = RunPictures(self._writer)
+        self._table = MetricsFile(run_dir, start)
+        self._of_champion: dict[str, float] = {}
+        self._last = config.generations - 1
         if start == 0:
             self._text("config", asdict(config))
             self._text("versions", versions())
+            add_settings(self._writer, config)
         terminal = sys.stderr.isatty()
         self._bar = tqdm(
             total=config.generations,
@@ -107,15 +116,41 @@ class RunLog:
             metrics: value of each curve.
             best: best training fitness so far, for the bar.
         """
-        for tag, value in metrics.items():
+        values = {**metrics, **self._of_champion}
+        self._of_champion = {}
+        for tag, value in values.items():
             self._writer.add_scalar(tag, value, index)
+        self._table.add(index, values)
         self._bar.set_postfix(best=f"{best:.4f}", refresh=False)
         self._bar.update()
 
-    def champion(self, index: int, champion: Champion) -> None:
-        """Record the champion after generation ``index``."""
-        self._writer.add_scalar("champion/fitness", champion.fitness, index)
-        self._writer.add_scalar("champion/success", champion.success, index)
+    def champion(self, champion: Champion) -> None:
+        """Record the champion with the next generation."""
+        self._of_champion = {
+            "champion/fitness": champion.fitness,
+            "champion/success": champion.success,
+        }
+        self._pictures.champion(champion)
+
+    def population(
+        self,
+        index: int,
+        fitness: NDArray[np.float64],
+        genomes: NDArray[np.floating],
+        archive: Archive,
+    ) -> None:
+        """Draw histograms and pictures of a generation, where there is time for them.
+
+        Args:
+            index: its number.
+            fitness: ``(P,)``.
+            genomes: ``(P, N)``.
+            archive: after this generation.
+        """
+        last = index == self._last
+        self._pictures.generation(index, fitness, genomes, archive, last=last)
+        if last:
+            add_end(self._writer)
 
     def __enter__(self) -> RunLog:
         return self

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ _STEPS_PER_FRAME = 2
 _FRAME_MS = 40
 """Two steps of 20 ms: real time."""
 _LAST_FRAME_MS = 1500
+_GROWTH_FRAME_MS = 200
 _COLORS = 128
 _BODIES = 10
 _SCENES = 4
@@ -51,11 +54,33 @@ def episode_frames(champion: Champion, *, seed: int = 0, size: int = DEFAULT_SIZ
     ]
 
 
-def save_animation(frames: list[Frame], path: Path) -> None:
-    """Write frames as a GIF that repeats, in real time, pausing on the last."""
+def encode_animation(frames: Sequence[Frame], durations: Sequence[int]) -> bytes:
+    """Frames as a GIF that repeats; ``durations`` in milliseconds, one per frame."""
     images = [Image.fromarray(frame).quantize(_COLORS) for frame in frames]
-    durations = [_FRAME_MS] * (len(images) - 1) + [_LAST_FRAME_MS]
-    images[0].save(path, save_all=True, append_images=images[1:], duration=durations, loop=0)
+    stream = io.BytesIO()
+    images[0].save(
+        stream,
+        format="GIF",
+        save_all=True,
+        append_images=images[1:],
+        duration=list(durations),
+        loop=0,
+    )
+    return stream.getvalue()
+
+
+def save_animation(frames: Sequence[Frame], path: Path) -> None:
+    """Write frames as a GIF that repeats, in real time, pausing on the last."""
+    durations = [_FRAME_MS] * (len(frames) - 1) + [_LAST_FRAME_MS]
+    path.write_bytes(encode_animation(frames, durations))
+
+
+def growth_and_episode(champion: Champion, size: int) -> tuple[list[Frame], list[int]]:
+    """Frames of the growth and of one episode, and how long to show each, in milliseconds."""
+    bodies = [draw_body(body, size) for body in record_growth(champion).bodies]
+    episode = episode_frames(champion, size=size)
+    durations = [_GROWTH_FRAME_MS] * len(bodies) + [_FRAME_MS] * (len(episode) - 1)
+    return bodies + episode, [*durations, _LAST_FRAME_MS]
 
 
 def story(champion: Champion, frames: list[Frame]) -> Frame:

@@ -187,10 +187,11 @@ class Trainer:
                         result = engine.evaluate(candidates, self._champion_scenarios)
                         self._crown(candidates, result)
                     if self._champion is not None:
-                        log.champion(generation, self._champion)
+                        log.champion(self._champion)
                 metrics = self._metrics(evaluation, added, perf_counter() - start)
                 with self._timer.phase("log"):
                     log.generation(generation, metrics, self._best_fitness)
+                    log.population(generation, evaluation.fitness, genomes, self._archive)
                 self._seconds = perf_counter() - started_at
                 if perf_counter() - saved_at >= config.checkpoint_seconds or self._is_last:
                     with self._timer.phase("checkpoint"):

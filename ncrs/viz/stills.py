@@ -1,0 +1,106 @@
+"""Pictures made without matplotlib: bodies in a strip, heatmaps, text on frames."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from ncrs.viz.archive_grid import ArchiveGrid
+from ncrs_envs.body import BodyGrid
+from ncrs_envs.canvas import BORDER, GRID, GROUND, WHITE, Color, Point
+from ncrs_envs.rendering import draw_body
+
+Picture = NDArray[np.uint8]
+"""RGB, ``(height, width, 3)``."""
+
+# Matplotlib's viridis at nine equal steps: even in lightness, and safe for the colour-blind.
+_RAMP = np.array(
+    [
+        (68, 1, 84), (71, 44, 122), (59, 81, 139), (44, 113, 142), (33, 144, 141),
+        (39, 173, 129), (92, 200, 99), (170, 220, 50), (253, 231, 37),
+    ],
+    dtype=np.float64,
+)  # fmt: skip
+_GAP = 6
+
+
+def ramp(values: NDArray[np.floating], low: float, high: float) -> Picture:
+    """Colours from dark blue (``low``) to yellow (``high``); uint8, one axis of 3 more."""
+    share = np.clip((values - low) / (high - low if high > low else 1.0), 0.0, 1.0)
+    place = share * (len(_RAMP) - 1)
+    below = np.minimum(place.astype(int), len(_RAMP) - 2)
+    rest = (place - below)[..., None]
+    return np.asarray(_RAMP[below] * (1.0 - rest) + _RAMP[below + 1] * rest + 0.5, dtype=np.uint8)
+
+
+def write(
+    picture: Picture, at: Point, text: str, size: int, color: Color = WHITE, anchor: str = "la"
+) -> Picture:
+    """A copy of a picture with text; ``anchor`` is Pillow's."""
+    image = Image.fromarray(picture)
+    font = ImageFont.load_default(size)
+    ImageDraw.Draw(image).multiline_text(at, text, fill=color, font=font, anchor=anchor)
+    return np.asarray(image)
+
+
+def ground(height: int, width: int) -> Picture:
+    """An empty picture."""
+    return np.full((height, width, 3), GROUND, dtype=np.uint8)
+
+
+def strip(
+    bodies: Sequence[BodyGrid] | NDArray[np.int8], captions: Sequence[str], side: int = 96
+) -> Picture:
+    """Bodies side by side, each with a caption below.
+
+    Args:
+        bodies: at least one.
+        captions: one for each.
+        side: of a body in pixels.
+    """
+    text = max(10, side // 8)
+    picture = ground(side + 3 * text, len(bodies) * (side + _GAP) - _GAP)
+    for index, body in enumerate(bodies):
+        left = index * (side + _GAP)
+        picture[:side, left : left + side] = draw_body(body, side)
+    for index, caption in enumerate(captions):
+        middle = index * (side + _GAP) + side / 2
+        picture = write(picture, (middle, side + text / 2), caption, text, anchor="ma")
+    return picture
+
+
+def heatmaps(
+    grid: ArchiveGrid, low: float, high: float, *, columns: int = 6, pixels: int = 5
+) -> Picture:
+    """All panels of an archive: sensors to the right, wheels upwards, the number of cells above.
+
+    Args:
+        grid: the panels.
+        low, high: ends of the colour scale.
+        columns: panels in a row.
+        pixels: side of a cell of a panel.
+    """
+    panels, sensors, wheels = grid.values.shape
+    text = 12
+    width, height = sensors * pixels + _GAP, wheels * pixels + text + 2 * _GAP
+    rows = math.ceil(panels / columns)
+    footer = 2 * text
+    picture = ground(rows * height + footer, columns * width)
+    for index in range(panels):
+        top, left = index // columns * height + text + _GAP, index % columns * width
+        panel = np.full((sensors, wheels, 3), GROUND, dtype=np.uint8)
+        panel[grid.possible[index]] = GRID
+        filled = ~np.isnan(grid.values[index])
+        panel[filled] = ramp(grid.values[index][filled], low, high)
+        upwards = panel.transpose(1, 0, 2)[::-1].repeat(pixels, axis=0).repeat(pixels, axis=1)
+        picture[top : top + wheels * pixels, left : left + sensors * pixels] = upwards
+        picture[top + wheels * pixels, left : left + sensors * pixels] = BORDER
+    for index in range(panels):
+        at = (float(index % columns * width), float(index // columns * height + 2))
+        picture = write(picture, at, f"{grid.cells[index]} cells", text)
+    label = f"fitness {low:.3f} (dark) to {high:.3f} (yellow);  x: sensors, y: wheels"
+    return write(picture, (2.0, picture.shape[0] - 1.5 * text), label, text)
