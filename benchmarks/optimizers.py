@@ -19,6 +19,7 @@ from typing import Any
 
 import cma
 import numpy as np
+import torch
 from cma.sigma_adaptation import CMAAdaptSigmaCSA
 from numpy.typing import NDArray
 
@@ -159,6 +160,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--precision", default="float32", choices=["float32", "float64"])
     options = parser.parse_args(arguments)
+    torch.set_num_threads(1)  # at these sizes threads wait longer than they compute
     results = []
     if not options.json:
         print(f"{'function':<12}{'N':>5}{'seeds':>7}{'ours':>10}{'pycma':>10}{'ratio':>8}")

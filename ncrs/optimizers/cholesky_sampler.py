@@ -227,7 +227,8 @@ class CholeskySampler(cma.interfaces.StatisticalModelSamplerWithZeroMeanBaseClas
 
     def _whiten(self, x: torch.Tensor) -> torch.Tensor:
         """``L^-1 x`` for each column of ``(N, K)``."""
-        return torch.linalg.solve_triangular(self._l, x, upper=False)
+        whitened: torch.Tensor = torch.linalg.solve_triangular(self._l, x, upper=False)
+        return whitened
 
     def _factorise(self) -> None:
         """Renew L; where C is not positive definite, add to its diagonal until it is."""

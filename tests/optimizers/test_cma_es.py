@@ -4,17 +4,36 @@ import warnings
 
 import numpy as np
 import pytest
+import torch
 
+from benchmarks.optimizers import compare
 from ncrs.checkpoint import read_state, write_state
 from ncrs.optimizers import OptimizerError, make_optimizer
-from ncrs.optimizers.cma_es import CMAES
+from ncrs.optimizers.cma_es import CMAES, IsotropicCMAES
 
+FULL, DIAGONAL = "cma_es", "sep_cma_es"
 VARIANTS = [
     (name, told, step_size)
-    for name in ("cma_es", "sep_cma_es")
+    for name in (FULL, DIAGONAL)
     for told in (True, False)
     for step_size in ("csa", "tpa")
 ]
+OTHER_VARIANTS = [
+    (FULL, {"precision": "float64"}),
+    (FULL, {"linear_algebra": "pycma"}),
+    (FULL, {"restart_sigma": 0.095}),
+    (FULL, {"restart_sigma": 0.095, "restart_from": "best", "step_size": "tpa"}),
+    (DIAGONAL, {"restart_sigma": 0.095, "restart_from": "best"}),
+]
+
+
+@pytest.fixture(autouse=True)
+def _one_torch_thread():
+    """At this size threads wait for each other longer than they compute."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
 
 
 def make(name="cma_es", told=True, step_size="csa", dimension=30, seed=3, **settings):
@@ -27,6 +46,11 @@ def make(name="cma_es", told=True, step_size="csa", dimension=30, seed=3, **sett
         step_size=step_size,
         **settings,
     )
+
+
+def make_isotropic(dimension=30, seed=3, **settings):
+    settings = {"population": 20, "sigma": 0.1, **settings}
+    return IsotropicCMAES(dimension, np.random.SeedSequence(seed), **settings)
 
 
 def ellipsoid(population):
@@ -50,19 +74,38 @@ def test_it_maximises(name, told, step_size):
 @pytest.mark.parametrize("pending", [False, True])
 @pytest.mark.parametrize(("name", "told", "step_size"), VARIANTS)
 def test_a_saved_state_goes_on_bit_for_bit(name, told, step_size, pending, tmp_path):
-    optimizer = make(name, told, step_size)
+    assert_resumes(make(name, told, step_size), make(name, told, step_size), pending, tmp_path)
+
+
+@pytest.mark.parametrize("pending", [False, True])
+@pytest.mark.parametrize(("name", "settings"), OTHER_VARIANTS)
+def test_any_saved_state_goes_on_bit_for_bit(name, settings, pending, tmp_path):
+    optimizer = make(name, **settings)
+    assert_resumes(optimizer, make(name, **settings), pending, tmp_path)
+    if "restart_sigma" in settings:
+        assert optimizer.metrics()["restarts"] > 0
+
+
+@pytest.mark.parametrize("pending", [False, True])
+@pytest.mark.parametrize("step_size", ["csa", "tpa"])
+def test_a_saved_isotropic_state_goes_on_bit_for_bit(step_size, pending, tmp_path):
+    assert_resumes(
+        make_isotropic(step_size=step_size), make_isotropic(step_size=step_size), pending, tmp_path
+    )
+
+
+def assert_resumes(optimizer, fresh, pending, tmp_path):
     advance(optimizer, 25)
     if pending:
         optimizer.ask()
     write_state(tmp_path / "state.npz", optimizer.state())
     if pending:
         optimizer.tell(ellipsoid(optimizer._asked))
-    resumed = make(name, told, step_size)
-    resumed.load_state(read_state(tmp_path / "state.npz"))
+    fresh.load_state(read_state(tmp_path / "state.npz"))
     advance(optimizer, 30 - pending)
-    advance(resumed, 30)
-    np.testing.assert_array_equal(optimizer.ask(), resumed.ask())
-    assert optimizer.metrics() == resumed.metrics()
+    advance(fresh, 30)
+    np.testing.assert_array_equal(optimizer.ask(), fresh.ask())
+    assert optimizer.metrics() == fresh.metrics()
 
 
 def test_it_samples_as_plain_pycma_does():
@@ -104,6 +147,52 @@ def test_one_seed_one_run_and_numpys_generator_is_left_alone():
     np.testing.assert_array_equal(populations[0], populations[1])
     assert np.abs(populations[0] - populations[2]).max() > 0
     np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+
+
+@pytest.mark.parametrize("function", ["ellipsoid", "rosenbrock"])
+def test_it_is_still_cma_es(function):
+    # The turning of the Cholesky factor must not upset the step size.
+    row = compare(function, dimension=6, seeds=5, precision="float32")
+    assert 0.85 < row["ratio"] < 1.15
+
+
+def test_the_isotropic_control_learns_no_covariance():
+    optimizer = make_isotropic()
+    start = ellipsoid(optimizer.mean[None])[0]
+    advance(optimizer, 60)
+    assert optimizer.metrics() == {"sigma": optimizer.sigma, "condition_number": 1.0}
+    np.testing.assert_array_equal(optimizer._es.sigma_vec.scaling, np.ones(30))
+    assert ellipsoid(optimizer.mean[None])[0] > 0.1 * start  # fitness is negative
+
+
+@pytest.mark.parametrize("source", ["mean", "best"])
+@pytest.mark.parametrize("kind", [FULL, DIAGONAL, "iso_cma_es"])
+def test_a_collapsed_sigma_restarts_the_search(kind, source):
+    settings = {"restart_sigma": 0.09, "restart_from": source}
+    optimizer = make_isotropic(**settings) if kind == "iso_cma_es" else make(kind, **settings)
+    best_genome, best_fitness = None, -np.inf
+    while optimizer.metrics()["restarts"] == 0:
+        population = optimizer.ask()
+        fitness = -np.abs(population).sum(axis=1)  # the mean is best: sigma shrinks
+        if fitness.max() > best_fitness:
+            best_genome, best_fitness = population[fitness.argmax()], fitness.max()
+        recombined = (
+            optimizer._es.sp.weights.positive_weights @ population[np.argsort(-fitness)][:10]
+        )
+        optimizer.tell(fitness)
+    expected = best_genome if source == "best" else recombined
+    np.testing.assert_allclose(optimizer.mean, expected, atol=1e-12)
+    assert optimizer.sigma == 0.1
+    assert optimizer.metrics()["condition_number"] == 1.0
+    deviation = (optimizer.ask() - expected).std()
+    assert deviation == pytest.approx(0.1, rel=0.15)
+
+
+def test_without_restart_sigma_nothing_restarts():
+    optimizer = make()
+    advance(optimizer, 200)
+    assert optimizer.sigma < 0.05
+    assert "restarts" not in optimizer.metrics()
 
 
 def test_nan_ranks_worst():
@@ -152,6 +241,8 @@ def test_a_foreign_state_is_refused_with_both_values():
         (make("sep_cma_es"), "diagonal"),
         (make(dimension=31), "dimension is 30, this optimizer's is 31"),
         (make(population=22), "'population': 20.*'population': 22"),
+        (make(precision="float64"), "'precision': 'float32'.*'precision': 'float64'"),
+        (make_isotropic(), "optimizer is 'cma_es', this optimizer's is 'iso_cma_es'"),
     ]:
         before = other.mean
         with pytest.raises(OptimizerError, match=message):
@@ -166,6 +257,12 @@ def test_a_foreign_state_is_refused_with_both_values():
         ({"sigma": float("nan")}, "sigma"),
         ({"population": 1}, "population"),
         ({"step_size": "fixed"}, "csa"),
+        ({"restart_from": "elite"}, "best.*mean"),
+        ({"restart_sigma": -1.0}, "restart_sigma must be positive"),
+        ({"sigma": 0.1, "restart_sigma": 0.1}, "smaller than sigma"),
+        ({"linear_algebra": "numpy"}, "pycma.*torch"),
+        ({"linear_algebra": "pycma", "precision": "float32"}, "leave out precision"),
+        ({"diagonal": True, "linear_algebra": "torch", "device": "cpu"}, "linear_algebra, device"),
         ({"told_popsize": False, "population": 5, "dimension": 4572}, "14 parents"),
     ],
 )
