@@ -73,7 +73,8 @@ class Trainer:
     Raises:
         ConfigError: a setting that the optimizer refuses at this size.
         RunError: another process writes there; or the folder holds a run and ``config.resume`` is
-            not set; or it holds none and ``config.resume`` is set.
+            not set; or it holds none and ``config.resume`` is set; or a generation's fitness was
+            all NaN, or infinite.
         CheckpointError: no checkpoint is whole.
     """
 
@@ -175,9 +176,15 @@ class Trainer:
                     genomes, evaluation, added = self._evolve(engine, stop)
                 except EvaluationInterrupted:
                     break
-                except (EngineError, OptimizerError, ArchiveError):
+                except EngineError:
                     self._save()  # the generation can be repeated from here
                     raise
+                except (OptimizerError, ArchiveError) as error:
+                    self._save()
+                    raise RunError(
+                        f"Generation {self._generation} gave fitness that cannot be learned from: "
+                        f"{error} The state before it is saved in {self._run_dir}."
+                    ) from error
                 self._count(evaluation)
                 generation = self._generation
                 self._generation += 1
@@ -323,8 +330,11 @@ class Trainer:
                 f"Cannot continue: the run's task is {state['task']}, "
                 f"the settings' is {vars(self._config.task)}."
             )
-        self._optimizer.load_state(state["optimizer"])
-        self._archive.load_state(state["archive"])
+        try:
+            self._optimizer.load_state(state["optimizer"])
+            self._archive.load_state(state["archive"])
+        except (OptimizerError, ArchiveError) as error:
+            raise ConfigError(str(error)) from error
         self._generation = state["generation"]
         self._evaluations = state["evaluations"]
         self._env_steps = state["env_steps"]

@@ -57,6 +57,20 @@ def test_the_papers_cma_es(composed, task):
     assert config.task.distance_score == score
 
 
+@pytest.mark.parametrize("task", sorted(TASKS))
+def test_the_papers_cma_me(composed, task):
+    config = composed(f"experiment=paper/{task}_cma_me")
+    assert config.task.name == task
+    optimizer = config.optimizer
+    assert (optimizer.name, optimizer.ranking) == ("cma_me", "improvement")
+    assert (optimizer.sigma, optimizer.population) == (0.01, 128)
+    assert (optimizer.emitters, optimizer.patience) == (15, 500)
+    assert optimizer.diagonal is False
+    assert (config.generations, config.runs) == (60000, 12)
+    score = "inverse_square" if task == "carry_ball" else "exponential"
+    assert config.task.distance_score == score
+
+
 def test_the_command_line_wins_over_an_experiment(composed):
     config = composed("experiment=paper/obstacle_cma_es", "seed=4", "optimizer.told_popsize=false")
     assert config.seed == 4

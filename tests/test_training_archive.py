@@ -1,0 +1,215 @@
+"""Training with an archive: what it records, and that it survives being killed anywhere."""
+
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from ncrs import evaluate
+from ncrs.champion import load_champion_file
+from ncrs.checkpoint import CheckpointFolder
+from ncrs.elites import load_archive
+from ncrs.engines.base import Engine
+from ncrs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig, save_config
+from ncrs.training import RunError, train
+
+ROOT = Path(__file__).parents[1]
+GENERATIONS = 8
+EMITTERS = {"population": 10, "sigma": 0.1, "emitters": 2, "patience": 1, "diagonal": True}
+OPTIMIZERS = {
+    "cma_me": EMITTERS,
+    "cma_mae": EMITTERS,
+    "map_elites": {"population": 10, "initial_genomes": 30},
+}
+
+
+def config(name="map_elites", **changes):
+    return dataclasses.replace(
+        TrainConfig(
+            optimizer=OptimizerConfig(name, **OPTIMIZERS[name]),
+            engine=EngineConfig(name="batched", workers=1),
+            generations=GENERATIONS,
+            runs=2,
+            champion_every=2,
+            champion_runs=2,
+            reestimate_every=5,
+            checkpoint_seconds=0,
+            seed=3,
+        ),
+        **changes,
+    )
+
+
+def final_state(run_dir):
+    state = CheckpointFolder(Path(run_dir) / "checkpoints").load()
+    del state["seconds"]
+    return state
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """Makes one finished run per optimizer, on demand."""
+    folders = {}
+
+    def run(name):
+        if name not in folders:
+            folders[name] = tmp_path_factory.mktemp(name)
+            train(config(name), folders[name])
+        return folders[name]
+
+    return run
+
+
+KILLED = """
+import os, signal, sys
+import ncrs.checkpoint
+from ncrs.optimizers.base import Optimizer
+from ncrs.settings import load_config
+from ncrs.training import train
+import dataclasses, io
+from pathlib import Path
+
+folder, where, calls = sys.argv[1], sys.argv[2], int(sys.argv[3])
+
+def count_down():
+    global calls
+    calls -= 1
+    return calls < 0
+
+if where == "tell":  # the population was asked for and evaluated, and is not told
+    real_tell = Optimizer.tell
+    def tell(self, fitness, added=None):
+        if count_down():
+            os.kill(os.getpid(), signal.SIGKILL)
+        real_tell(self, fitness, added)
+    Optimizer.tell = tell
+else:  # half of a checkpoint is on the disk
+    real_savez = ncrs.checkpoint.np.savez
+    def savez(stream, **arrays):
+        whole = io.BytesIO()
+        real_savez(whole, **arrays)
+        content = whole.getvalue()
+        if count_down():
+            stream.write(content[: len(content) // 2])
+            stream.flush()
+            os.kill(os.getpid(), signal.SIGKILL)
+        stream.write(content)
+    ncrs.checkpoint.np.savez = savez
+
+train(dataclasses.replace(load_config(Path(folder)), resume=folder), folder)
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "where", "calls"),
+    [
+        ("cma_me", "tell", 5),
+        ("cma_me", "checkpoint", 6),
+        ("cma_mae", "checkpoint", 7),
+        ("map_elites", "tell", 3),
+    ],
+)
+def test_a_run_killed_where_it_hurts_ends_bit_equal(undisturbed, tmp_path, name, where, calls):
+    train(config(name, generations=2), tmp_path)
+    # As a run that was started for all generations would have stored it.
+    longer = config(name)
+    save_config(longer, tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, str(tmp_path), where, str(calls)],
+        cwd=ROOT, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == -9, done.stderr
+    assert 2 <= final_state(tmp_path)["generation"] < GENERATIONS
+    train(config(name, resume=str(tmp_path)), tmp_path)
+    np.testing.assert_equal(final_state(tmp_path), final_state(undisturbed(name)))
+    for file in ("archive.npz", "champion.npz"):
+        assert (tmp_path / file).read_bytes() == (undisturbed(name) / file).read_bytes()
+
+
+def test_the_archive_is_filed_with_the_run(undisturbed):
+    run_dir = undisturbed("map_elites")
+    elites = load_archive(run_dir)
+    np.testing.assert_equal(elites.archive.state(), final_state(run_dir)["archive"])
+    assert len(elites.archive) > 3
+    # Re-estimated at the start of generation 5, or found since on their generation's scenarios.
+    seeds, generations = elites.archive.column("seeds"), elites.archive.column("generations")
+    old = generations < 5
+    assert old.any()
+    assert (seeds[old] == [3, 4, 5, -1]).all()
+    for seed, generation in zip(seeds[~old], generations[~old], strict=True):
+        np.testing.assert_array_equal(seed, [3, 1, generation, -1])
+
+
+def test_the_curves_of_the_archive(undisturbed):
+    run_dir = undisturbed("map_elites")
+    accumulator = EventAccumulator(str(run_dir)).Reload()
+    statistics = load_archive(run_dir).archive.statistics()
+    for name in (*statistics, "new", "improved"):
+        events = accumulator.Scalars(f"archive/{name}")
+        assert events[-1].step == GENERATIONS - 1, name
+        if name in statistics:
+            assert events[-1].value == pytest.approx(statistics[name]), name
+    filled = [event.value for event in accumulator.Scalars("archive/filled")]
+    new = [event.value for event in accumulator.Scalars("archive/new")]
+    np.testing.assert_array_equal(np.cumsum(new), filled)
+
+
+def test_plain_cma_es_fills_an_archive_too(tmp_path):
+    optimizer = OptimizerConfig("sep_cma_es", population=16, sigma=0.1, told_popsize=True)
+    train(config(optimizer=optimizer, generations=3), tmp_path)
+    elites = load_archive(tmp_path)
+    assert len(elites.archive) >= 3
+    elite = elites.elite(elites.archive.features[0].tolist())
+    again = evaluate(elite.genome, "light_chase", engine="batched", scenarios=elite.scenarios)
+    assert again.fitness[0] == elite.fitness
+
+
+def test_scenarios_per_genome_are_kept_with_the_elite(tmp_path):
+    train(config(common_scenarios=False, generations=6, reestimate_every=0), tmp_path)
+    archive = load_archive(tmp_path).archive
+    seeds = archive.column("seeds")
+    assert (seeds[:, 3] >= 0).all()
+    assert len(np.unique(archive.column("standing_still"))) > 1
+
+
+def test_the_best_elite_is_a_candidate(tmp_path):
+    train(config(generations=4, champion_every=1), tmp_path)
+    champion = load_champion_file(tmp_path)
+    assert champion.source in ("sample", "elite")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("name", ["sep_cma_es", "map_elites"])
+def test_fitness_without_meaning_stops_the_run_and_saves(tmp_path, monkeypatch, name, value):
+    real, calls = Engine.evaluate, [0]
+
+    def broken(self, *arguments):
+        result = real(self, *arguments)
+        calls[0] += 1
+        if calls[0] == 3:
+            return dataclasses.replace(result, fitness=np.full(len(result.fitness), value))
+        return result
+
+    monkeypatch.setattr(Engine, "evaluate", broken)
+    optimizer = config().optimizer
+    if name != "map_elites":
+        optimizer = OptimizerConfig(name, population=10, sigma=0.1, told_popsize=True)
+    settings = config(optimizer=optimizer, generations=4, champion_every=4)
+    with pytest.raises(RunError, match=r"Generation 2.*(infinite|NaN)"):
+        train(settings, tmp_path)
+    assert final_state(tmp_path)["generation"] == 2
+    assert np.isfinite(load_archive(tmp_path).archive.column("fitness")).all()
+    result = train(dataclasses.replace(settings, resume=str(tmp_path)), tmp_path)
+    assert result.generation == 4
+
+
+def test_a_run_of_another_optimizer_is_refused(undisturbed):
+    run_dir = undisturbed("cma_me")
+    before = final_state(run_dir)
+    with pytest.raises(ConfigError, match=r"'cma_me'.*'cma_mae'"):
+        train(config("cma_mae", resume=str(run_dir)), run_dir)
+    np.testing.assert_equal(final_state(run_dir), before)
