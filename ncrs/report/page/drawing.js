@@ -1,0 +1,234 @@
+// Drawing of bodies, channels and episodes on canvases, in the colours of the suite's renderer.
+"use strict";
+
+(() => {
+  // A canvas's context in CSS pixels, sharp on dense screens; side is its width and height.
+  function surface(canvas, side) {
+    const density = Math.min(window.devicePixelRatio || 1, 3);
+    const pixels = Math.round(side * density);
+    if (canvas.width !== pixels || canvas.height !== pixels) {
+      canvas.width = pixels;
+      canvas.height = pixels;
+    }
+    const context = canvas.getContext("2d");
+    context.setTransform(density, 0, 0, density, 0, 0);
+    context.clearRect(0, 0, side, side);
+    return context;
+  }
+
+  // "rgb(r, g, b)" of the way from one colour to another.
+  function mix(from, to, share) {
+    const [a, b] = [from, to].map((color) => color.match(/\d+/g).map(Number));
+    return `rgb(${a.map((value, i) => Math.round(value + (b[i] - value) * share)).join(", ")})`;
+  }
+
+  // One cell, centred on the origin, of side 2; value is a sensor's, gas a wheel's.
+  function drawCell(context, character, value, gas) {
+    const { palette, cells } = NCRSReport.overview.world;
+    const cell = cells[character];
+    const hue = cell.name === "target sensor" ? palette.green : palette.amber;
+    const fill = cell.senses ? mix(palette.sensor_base, hue, value)
+      : cell.drives ? palette.wheel_base : palette.tissue;
+    context.fillStyle = fill;
+    context.fillRect(-1, -1, 2, 2);
+    context.strokeStyle = palette.cell_edge;
+    context.lineWidth = 0.12;
+    context.strokeRect(-0.94, -0.94, 1.88, 1.88);
+    if (cell.senses) {
+      context.strokeStyle = hue;
+      context.lineWidth = 0.16;
+      context.beginPath();
+      if (cell.name === "target sensor") context.rect(-0.5, -0.5, 1, 1);
+      else context.arc(0, 0, 0.56, 0, 2 * Math.PI);
+      context.stroke();
+    } else if (cell.drives) {
+      context.strokeStyle = palette.wall_edge;
+      context.lineWidth = 0.1;
+      context.strokeRect(-0.45, -0.78, 0.9, 1.56);
+      context.fillStyle = gas >= 0 ? palette.sky : palette.vermilion;
+      context.fillRect(-0.4, 0, 0.8, -0.74 * gas);
+    }
+  }
+
+  // A body in the current frame, whose y axis points down and whose unit is the world's.
+  function drawRobot(context, body, values, gas) {
+    const { gridSize: n, cellSize, palette } = NCRSReport.overview.world;
+    const place = (i) => [((i % n) - (n - 1) / 2) * cellSize, (Math.floor(i / n) - (n - 1) / 2) * cellSize];
+    context.fillStyle = palette.white;
+    for (let i = 0; i < n * n; i++) {
+      if (body[i] === ".") continue;
+      const [x, y] = place(i);
+      context.fillRect(x - 1.18, y - 1.18, 2.36, 2.36);
+    }
+    for (let i = 0; i < n * n; i++) {
+      if (body[i] === ".") continue;
+      context.save();
+      context.translate(...place(i));
+      context.scale(cellSize / 2, cellSize / 2);
+      drawCell(context, body[i], values ? values[i] : 1, gas ? gas[i] : 0);
+      context.restore();
+    }
+  }
+
+  // A body alone, front up; numbers writes sensor values and gas into its cells.
+  function drawBody(canvas, body, values, gas, numbers = false) {
+    const { gridSize: n, cellSize, palette, cells } = NCRSReport.overview.world;
+    const side = canvas.clientWidth || 120;
+    const context = surface(canvas, side);
+    context.fillStyle = palette.ground;
+    context.fillRect(0, 0, side, side);
+    const scale = side / ((n + 0.6) * cellSize);
+    context.translate(side / 2, side / 2);
+    context.scale(scale, scale);
+    context.fillStyle = palette.grid;
+    for (let i = 0; i < n * n; i++) {
+      const x = ((i % n) - (n - 1) / 2) * cellSize, y = (Math.floor(i / n) - (n - 1) / 2) * cellSize;
+      context.fillRect(x - 0.94, y - 0.94, 1.88, 1.88);
+    }
+    drawRobot(context, body, values, gas);
+    if (!numbers) return;
+    context.font = "600 0.62px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.lineWidth = 0.18;
+    context.strokeStyle = palette.wheel_base;
+    context.fillStyle = palette.white;
+    for (let i = 0; i < n * n; i++) {
+      const cell = cells[body[i]];
+      if (!cell.senses && !cell.drives) continue;
+      const x = ((i % n) - (n - 1) / 2) * cellSize, y = (Math.floor(i / n) - (n - 1) / 2) * cellSize;
+      const text = (cell.senses ? values[i] : gas[i]).toFixed(2);
+      context.strokeText(text, x, y);
+      context.fillText(text, x, y);
+    }
+  }
+
+  function circle(context, [x, y], radius) {
+    context.beginPath();
+    context.arc(x, -y, radius, 0, 2 * Math.PI);
+  }
+
+  function ring(context, point, radius, color) {
+    context.strokeStyle = color;
+    context.lineWidth = 0.5;
+    context.setLineDash([1.6, 1.6]);
+    circle(context, point, radius);
+    context.stroke();
+    context.setLineDash([]);
+  }
+
+  function drawField(context, reach) {
+    const { extent, palette } = NCRSReport.overview.world;
+    context.fillStyle = palette.ground;
+    context.fillRect(-reach, -reach, 2 * reach, 2 * reach);
+    context.strokeStyle = palette.grid;
+    context.lineWidth = 0.25;
+    context.beginPath();
+    for (let i = 0; i <= 12; i++) {
+      const at = -extent + (2 * extent * i) / 12;
+      context.moveTo(at, -extent);
+      context.lineTo(at, extent);
+      context.moveTo(-extent, at);
+      context.lineTo(extent, at);
+    }
+    context.stroke();
+    context.strokeStyle = palette.border;
+    context.lineWidth = 0.4;
+    context.strokeRect(-extent, -extent, 2 * extent, 2 * extent);
+  }
+
+  function drawWalls(context, quads) {
+    const { palette } = NCRSReport.overview.world;
+    context.fillStyle = palette.wall;
+    context.strokeStyle = palette.wall; // closes the seams between neighbouring pieces
+    context.lineWidth = 0.2;
+    for (const quad of quads) {
+      context.beginPath();
+      quad.forEach(([x, y], i) => (i ? context.lineTo(x, -y) : context.moveTo(x, -y)));
+      context.closePath();
+      context.fill();
+      context.stroke();
+    }
+    context.strokeStyle = palette.wall_edge;
+    context.lineWidth = 0.5;
+    context.beginPath();
+    for (const [, from, to] of quads) {
+      context.moveTo(from[0], -from[1]);
+      context.lineTo(to[0], -to[1]);
+    }
+    context.stroke();
+  }
+
+  function drawGoals(context, scenario, ball) {
+    const world = NCRSReport.overview.world, { palette } = world;
+    if (scenario.light) {
+      ring(context, scenario.light, world.successRadius, palette.amber);
+      context.fillStyle = palette.amber;
+      context.globalAlpha = 0.25;
+      circle(context, scenario.light, 4 * world.lightRadius);
+      context.fill();
+      context.globalAlpha = 1;
+      circle(context, scenario.light, 1.6 * world.lightRadius);
+      context.fill();
+    }
+    if (scenario.target) {
+      const [x, y] = scenario.target, half = world.targetSide / 2;
+      context.strokeStyle = palette.green;
+      context.lineWidth = 0.7;
+      context.strokeRect(x - half, -y - half, 2 * half, 2 * half);
+      ring(context, scenario.target, world.successRadius, palette.green);
+    }
+    if (ball) {
+      context.fillStyle = palette.amber;
+      circle(context, ball, world.ballRadius);
+      context.fill();
+      context.strokeStyle = palette.white;
+      context.lineWidth = 0.3;
+      context.stroke();
+    }
+  }
+
+  // An episode at one moment: see player.js for the frame.
+  function drawEpisode(canvas, body, scenario, frame) {
+    const world = NCRSReport.overview.world;
+    const side = canvas.clientWidth || 320;
+    const context = surface(canvas, side);
+    const reach = world.wallExtent * world.extent * 1.01;
+    context.translate(side / 2, side / 2);
+    context.scale(side / (2 * reach), side / (2 * reach));
+    drawField(context, reach);
+    drawWalls(context, scenario.walls);
+    drawGoals(context, scenario, frame.ball);
+    context.strokeStyle = world.palette.sky;
+    context.lineWidth = 0.6;
+    context.beginPath();
+    frame.path.forEach(([x, y], i) => (i ? context.lineTo(x, -y) : context.moveTo(x, -y)));
+    context.stroke();
+    const [x, y, angle] = frame.pose;
+    context.translate(x, -y);
+    context.rotate(-angle);
+    drawRobot(context, body, frame.values, frame.gas);
+  }
+
+  // One channel as n x n squares.
+  function drawChannel(canvas, values, limit) {
+    const n = NCRSReport.overview.world.gridSize;
+    canvas.width = n;
+    canvas.height = n;
+    const context = canvas.getContext("2d");
+    values.forEach((value, i) => {
+      context.fillStyle = NCRSReport.signedColor(value, limit);
+      context.fillRect(i % n, Math.floor(i / n), 1, 1);
+    });
+  }
+
+  // A single cell as a small picture.
+  function drawSwatch(canvas, character) {
+    const context = surface(canvas, 16);
+    context.translate(8, 8);
+    context.scale(8, 8);
+    drawCell(context, character, 1, 0.8);
+  }
+
+  Object.assign(NCRSReport, { drawBody, drawEpisode, drawChannel, drawSwatch });
+})();
