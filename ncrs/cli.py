@@ -7,9 +7,9 @@ import sys
 from collections.abc import Sequence
 
 from ncrs.checkpoint import CheckpointError
-from ncrs.commands import archive, evaluate, render, report
+from ncrs.commands import archive, evaluate, figures, render, report
 
-_COMMANDS = (evaluate, archive, render, report)
+_COMMANDS = (evaluate, archive, render, figures, report)
 
 
 def _parser() -> argparse.ArgumentParser:

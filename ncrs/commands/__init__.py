@@ -6,10 +6,12 @@ What needs time or optional packages to import is imported when a command runs.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ncrs.champion import Champion
+from ncrs.settings import ConfigError
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -31,3 +33,11 @@ def print_saved(paths: list[Path]) -> None:
 def describe(champion: Champion) -> str:
     """Which champion it is, in a line."""
     return f"{champion.task.name}, champion of generation {champion.generation} ({champion.source})"
+
+
+def require(package: str) -> None:
+    """Raise ``ConfigError`` with what to do if an optional package is not installed."""
+    if importlib.util.find_spec(package) is None:
+        raise ConfigError(
+            f"This command needs {package}, which is not installed: pip install 'ncrs[viz]'"
+        )

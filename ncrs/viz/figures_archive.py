@@ -1,0 +1,106 @@
+"""Figures of archives: panels of sensors x wheels, and how the elites' fitness is spread."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+
+from ncrs.elites import EliteArchive
+from ncrs.viz.archive_grid import archive_grid
+from ncrs.viz.runs import Group, tasks_of
+from ncrs.viz.style import (
+    COLUMN,
+    EMPTY_CELL,
+    WIDTH,
+    Plot,
+    method_name,
+    method_style,
+    task_name,
+)
+
+_COLUMNS = 6
+_BINS = 30
+
+
+def archive_plot(elites: EliteArchive, name: str) -> Plot:
+    """An archive's fitness: a panel per number of cells, sensors across and wheels up.
+
+    Gray cells are possible and empty.
+    """
+    archive = elites.archive
+    features, fitness = archive.features, archive.column("fitness")
+    grid = archive_grid(features, fitness, archive.space.triples)
+    norm = Normalize(float(fitness.min()), float(fitness.max()))
+    rows = math.ceil(len(grid.cells) / _COLUMNS)
+    figure = Figure(figsize=(WIDTH, WIDTH / _COLUMNS * rows * 1.05))
+    panels = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False)
+    largest = max(grid.values.shape[1:])
+    for index, panel in enumerate(panels.ravel()):
+        if index >= len(grid.cells):
+            panel.set_axis_off()
+            continue
+        empty = np.where(grid.possible[index], 1.0, np.nan).T
+        panel.imshow(empty, cmap=ListedColormap([EMPTY_CELL]), origin="lower", vmin=0, vmax=1)
+        image = panel.imshow(grid.values[index].T, cmap="viridis", norm=norm, origin="lower")
+        panel.set_title(f"{grid.cells[index]} cells", pad=2, fontsize=7)
+        ticks = list(range(0, largest, 10))
+        panel.set(
+            xticks=ticks, yticks=ticks, xlim=(-0.5, largest - 0.5), ylim=(-0.5, largest - 0.5)
+        )
+    figure.supxlabel("sensors", fontsize=8)
+    figure.supylabel("wheels", fontsize=8)
+    possible = len(archive.space.triples)
+    title = f"{task_name(elites.task.name)}: {len(archive)} of {possible} elites"
+    figure.suptitle(f"{title}, QD-score {fitness.sum() / possible:.3f}", fontsize=8)
+    figure.colorbar(image, ax=panels, label="fitness", shrink=0.6, aspect=30)
+    columns = ["sensors", "wheels", "cells", "fitness", "success"]
+    data = zip(features.tolist(), fitness, archive.column("success"), strict=True)
+    return Plot(
+        f"archive_{name}", figure, columns, [[*triple, *values] for triple, *values in data]
+    )
+
+
+def histogram_plot(groups: Sequence[Group]) -> Plot | None:
+    """How many elites have which fitness: one panel per task, one line per method, mean of runs."""
+    found = {
+        group.name: [
+            archive.archive.column("fitness")
+            for archive in (run.archive() for run in group.runs)
+            if archive is not None
+        ]
+        for group in groups
+    }
+    shown = [group for group in groups if found[group.name]]
+    if not shown:
+        return None
+    tasks = tasks_of(shown)
+    figure = Figure(figsize=(min(WIDTH, COLUMN * len(tasks)), 2.5))
+    panels = figure.subplots(1, len(tasks), squeeze=False)[0]
+    rows: list[list[object]] = []
+    for task, panel in zip(tasks, panels, strict=True):
+        members = [group for group in shown if group.task == task]
+        every = np.concatenate([values for group in members for values in found[group.name]])
+        edges = np.histogram_bin_edges(every, _BINS)
+        for group in members:
+            runs = found[group.name]
+            counts = np.mean([np.histogram(values, edges)[0] for values in runs], axis=0)
+            panel.stairs(
+                counts,
+                edges,
+                **method_style(group.method),
+                lw=1.2,
+                label=f"{method_name(group.method)} ({counts.sum():.0f} elites)",
+            )
+            rows += [
+                [task, group.method, low, high, count, len(runs)]
+                for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
+            ]
+        panel.set(title=task_name(task), xlabel="fitness of the elite")
+        panel.legend(loc="upper left")
+    panels[0].set_ylabel("elites per run")
+    columns = ["task", "method", "from", "to", "elites_per_run", "runs"]
+    return Plot("archive_histogram", figure, columns, rows)

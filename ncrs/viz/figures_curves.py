@@ -1,0 +1,70 @@
+"""Best fitness of every generation: the median of a method's seeds, with their range."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from ncrs.viz.runs import Group, VizError, tasks_of
+from ncrs.viz.style import COLUMN, WIDTH, Plot, method_name, method_style, task_name
+
+AXES = {"generation": "generation", "evaluations": "evaluations"}
+"""What the horizontal axis can count, by the name of its option."""
+_COLUMN = {"generation": "generation", "evaluations": "progress/evaluations"}
+_BEST = "fitness/best"
+
+
+def fitness_curves(group: Group, axis: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Curves of a group's runs over what all of them have done.
+
+    Returns:
+        ``(T,)`` values of the axis, and ``(runs, T)`` best fitness; no runs if none has a table.
+    """
+    tables = [table for table in (run.metrics() for run in group.runs) if table is not None]
+    if not tables:
+        return np.empty(0), np.empty((0, 0))
+    common = min(len(table[_BEST]) for table in tables)
+    return tables[0][_COLUMN[axis]][:common], np.stack([table[_BEST][:common] for table in tables])
+
+
+def fitness_plot(groups: Sequence[Group], axis: str = "generation") -> Plot | None:
+    """One panel per task, one line per method; None if no run has a table of its curves.
+
+    Args:
+        groups: what to compare.
+        axis: "generation", or "evaluations" where methods' populations differ.
+    """
+    if axis not in AXES:
+        raise VizError(f"The axis must be one of {list(AXES)}, got {axis!r}.")
+    curves = {group.name: fitness_curves(group, axis) for group in groups}
+    shown = [group for group in groups if len(curves[group.name][1])]
+    if not shown:
+        return None
+    tasks = tasks_of(shown)
+    figure = Figure(figsize=(min(WIDTH, COLUMN * len(tasks)), 2.5))
+    panels = figure.subplots(1, len(tasks), squeeze=False)[0]
+    rows: list[list[object]] = []
+    for group in shown:
+        x, best = curves[group.name]
+        median, low, high = np.median(best, axis=0), best.min(axis=0), best.max(axis=0)
+        look = method_style(group.method)
+        panel = panels[tasks.index(group.task)]
+        seeds = len(best)
+        label = f"{method_name(group.method)} ({seeds} seed{'s' if seeds > 1 else ''})"
+        panel.plot(x, median, **look, label=label)
+        if seeds > 1:
+            panel.fill_between(x, low, high, color=look["color"], alpha=0.2, lw=0)
+        rows += [
+            [group.task, group.method, *values]
+            for values in zip(x, median, low, high, [seeds] * len(x), strict=True)
+        ]
+    for task, panel in zip(tasks, panels, strict=True):
+        panel.set(title=task_name(task), xlabel=AXES[axis])
+        panel.xaxis.get_major_locator().set_params(integer=True)
+        panel.legend(loc="lower right")
+    panels[0].set_ylabel("best fitness (median, range)")
+    columns = ["task", "method", axis, "median", "lowest", "highest", "seeds"]
+    return Plot("fitness", figure, columns, rows)

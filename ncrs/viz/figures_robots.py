@@ -1,0 +1,162 @@
+"""Figures of robots: designs by task and method, NCA channels, last positions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Rectangle
+
+from ncrs.champion import Champion
+from ncrs.layout import HIDDEN_CHANNELS
+from ncrs.nca import NCA
+from ncrs.recording import Recording, record_episodes, record_growth
+from ncrs.viz.body_patches import add_body, add_silhouette, cell_legend
+from ncrs.viz.runs import Group, methods_of, tasks_of
+from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, method_name, task_name
+from ncrs_envs.body import Cell, body_features, body_to_characters
+from ncrs_envs.physics import TARGET_SIDE
+from ncrs_envs.scenario import WALL_EXTENT
+from ncrs_envs.tasks import REGIONS
+
+_MOMENTS = ("seed", "end of growth", "end of control")
+
+
+def designs_plot(groups: Sequence[Group]) -> Plot | None:
+    """The fittest champion of every group, tasks down and methods across; None without any."""
+    best = {(group.task, group.method): group.champions()[:1] for group in groups}
+    shown = [group for group in groups if best[group.task, group.method]]
+    if not shown:
+        return None
+    tasks, methods = tasks_of(shown), methods_of(shown)
+    width, height = 1.75, 2.35
+    figure = Figure(figsize=(max(COLUMN, width * len(methods)), height * len(tasks) + 0.4))
+    panels = figure.subplots(len(tasks), len(methods), squeeze=False)
+    rows: list[list[object]] = []
+    seen = []
+    for place, panel in np.ndenumerate(panels):
+        task, method = tasks[place[0]], methods[place[1]]
+        if not best.get((task, method)):
+            panel.set_axis_off()
+            continue
+        run, champion = best[task, method][0]
+        sensors, wheels, cells = body_features(champion.body).tolist()
+        add_body(panel, champion.body)
+        panel.set_title(f"{task_name(task)}, {method_name(method)}")
+        panel.set_xlabel(
+            f"fitness {champion.fitness:.3f}, success {champion.success:.0%}\n"
+            f"{cells} cells, {wheels} wheels, {sensors} sensors",
+            fontsize=7,
+        )
+        seen.append(champion.body.ravel())
+        drawn = body_to_characters(champion.body).replace("\n", "/")
+        values = (champion.fitness, champion.success, sensors, wheels, cells, drawn)
+        rows.append([task, method, run.folder.name, run.config.seed, *values])
+    handles = cell_legend(np.concatenate(seen))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    columns = [
+        "task", "method", "run", "seed", "fitness", "success", "sensors", "wheels", "cells", "body",
+    ]  # fmt: skip
+    return Plot("designs", figure, columns, rows)
+
+
+def channel_names(nca: NCA) -> list[str]:
+    """Names of an NCA's channels, in order."""
+    parts = [Cell(code).name.lower().replace("_", " ") for code in nca.layout.part_codes]
+    hidden = [f"hidden {index + 1}" for index in range(HIDDEN_CHANNELS)]
+    return ["body", "control", *parts, *hidden, "in/out"]
+
+
+def channels_plot(champion: Champion, name: str, seed: int = 0) -> Plot:
+    """All NCA channels at the seed, at the end of growth, and at the end of one episode."""
+    growth = record_growth(champion)
+    control = record_episodes(champion, 1, seed)[0].states[-1]
+    states = np.stack([growth.states[0], growth.states[-1], control])
+    names = channel_names(champion.nca)
+    limit = max(1.0, float(np.abs(states).max()))
+    figure = Figure(figsize=(WIDTH, 2.0))
+    panels = figure.subplots(len(_MOMENTS), len(names) + 1)
+    bodies = (growth.bodies[0], growth.bodies[-1], champion.body)
+    for moment, (label, body) in enumerate(zip(_MOMENTS, bodies, strict=True)):
+        add_body(panels[moment, 0], body)
+        panels[moment, 0].set_ylabel(label.replace(" of ", "\nof "), fontsize=7)
+        for channel, channel_name in enumerate(names):
+            panel = panels[moment, channel + 1]
+            values = states[moment, :, :, channel]
+            image = panel.imshow(values, cmap="RdBu_r", vmin=-limit, vmax=limit)
+            panel.set(xticks=[], yticks=[])
+            panel.spines[:].set(visible=True, color="#909090")
+            if moment == 0:
+                panel.set_title(channel_name.replace(" ", "\n"), fontsize=6)
+    panels[0, 0].set_title("robot", fontsize=6)
+    bar = figure.colorbar(image, ax=panels, shrink=0.8, aspect=30, pad=0.01)
+    bar.ax.tick_params(labelsize=6)
+    rows = [
+        [_MOMENTS[moment], names[channel], row, column, value]
+        for (moment, row, column, channel), value in np.ndenumerate(states)
+    ]
+    return Plot(f"channels_{name}", figure, ["moment", "channel", "row", "column", "value"], rows)
+
+
+def positions_plot(champion: Champion, name: str, episodes: int = 12, seed: int = 0) -> Plot:
+    """Where a robot stands at the end of several episodes, how it got there, and its goals."""
+    recordings = record_episodes(champion, episodes, seed)
+    figure = Figure(figsize=(COLUMN, COLUMN + 0.45))
+    panel = figure.subplots()
+    rows = []
+    for index, recording in enumerate(recordings):
+        color = COLORS[index % REGIONS]
+        last = recording.scenes[-1]
+        panel.plot(*last.path.T, color=color, lw=0.5, zorder=1)
+        _add_goal(panel, recording, color)
+        add_silhouette(panel, champion.body, last.pose, color)
+        goal = last.target if last.light is None else last.light
+        assert goal is not None
+        values = (*last.pose, *goal, *(last.ball or ("", "")), float(recording.rewards.mean()))
+        rows.append([index, index % REGIONS, *values, int(recording.success)])
+    reach = WALL_EXTENT * recordings[0].scenes[0].extent
+    panel.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x", ylabel="y")
+    solved = sum(recording.success for recording in recordings)
+    method = f"{task_name(champion.task.name)}: {solved} of {episodes} episodes solved"
+    panel.set_title(method)
+    figure.legend(handles=_position_legend(recordings[0]), loc="outside lower center", ncols=3)
+    columns = [
+        "episode", "region", "x", "y", "angle_rad", "goal_x", "goal_y", "ball_x", "ball_y",
+        "fitness", "success",
+    ]  # fmt: skip
+    return Plot(f"positions_{name}", figure, columns, rows)
+
+
+def _add_goal(panel: Axes, recording: Recording, color: str) -> None:
+    last = recording.scenes[-1]
+    panel.plot(*recording.scenario.start, marker="+", color=color, ms=5, mew=0.8, ls="")
+    if last.light is not None:
+        panel.plot(*last.light, marker="*", color=color, mec="black", mew=0.4, ms=7, ls="")
+        ring = Circle(last.light, last.success_radius, fc="none", ec=color, lw=0.4, ls=":")
+        panel.add_patch(ring)
+    if last.target is not None:
+        x, y = last.target
+        corner = (x - TARGET_SIDE / 2.0, y - TARGET_SIDE / 2.0)
+        panel.add_patch(Rectangle(corner, TARGET_SIDE, TARGET_SIDE, fc="none", ec="black", lw=0.6))
+    if last.ball is not None:
+        panel.plot(*last.ball, marker="o", color=color, mec="black", mew=0.4, ms=4, ls="")
+
+
+def _position_legend(recording: Recording) -> list[Line2D]:
+    scene = recording.scenes[0]
+    gray: dict[str, Any] = {"color": "#808080", "ls": ""}
+    handles = [
+        Line2D([], [], marker="s", ms=6, label="robot at the end", **gray),
+        Line2D([], [], marker="+", label="start", **gray),
+    ]
+    if scene.light is not None:
+        handles.append(Line2D([], [], marker="*", mec="black", mew=0.4, label="light", **gray))
+    if scene.ball is not None:
+        handles.append(Line2D([], [], marker="o", ms=4, label="ball at the end", **gray))
+    if scene.target is not None:
+        handles.append(Line2D([], [], marker="s", mfc="none", mec="black", ls="", label="target"))
+    return handles

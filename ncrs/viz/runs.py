@@ -1,0 +1,113 @@
+"""Finding runs, in folders and sweeps, and grouping them for comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.champion import CHAMPION_FILE, Champion, load_champion_file
+from ncrs.elites import ARCHIVE_FILE, EliteArchive, load_archive
+from ncrs.metrics import METRICS_FILE, read_metrics
+from ncrs.settings import SETTINGS_FILE, TrainConfig, load_config
+
+
+class VizError(ValueError):
+    """Nothing to look at: no run, nothing found by it yet, or a package or encoder is missing."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run's folder with its settings; the rest is read when asked for."""
+
+    folder: Path
+    config: TrainConfig
+
+    @property
+    def task(self) -> str:
+        """Name of the task."""
+        return self.config.task.name
+
+    @property
+    def method(self) -> str:
+        """Name of the optimizer."""
+        return self.config.optimizer.name
+
+    def champion(self) -> Champion | None:
+        """The champion; None if the run has none yet."""
+        path = self.folder / CHAMPION_FILE
+        return load_champion_file(path) if path.is_file() else None
+
+    def metrics(self) -> Mapping[str, NDArray[np.float64]] | None:
+        """Curves by name; None if the run has no table of them."""
+        return read_metrics(self.folder) if (self.folder / METRICS_FILE).is_file() else None
+
+    def archive(self) -> EliteArchive | None:
+        """The archive; None if the run has none, or an empty one."""
+        path = self.folder / ARCHIVE_FILE
+        archive = load_archive(path) if path.is_file() else None
+        return archive if archive is not None and len(archive.archive) else None
+
+
+@dataclass(frozen=True)
+class Group:
+    """Runs of one task with one method: they differ in their seeds."""
+
+    task: str
+    method: str
+    runs: Sequence[Run]
+
+    @property
+    def name(self) -> str:
+        """For file names."""
+        return f"{self.task}_{self.method}"
+
+    def champions(self) -> list[tuple[Run, Champion]]:
+        """Runs that have a champion, the fittest first."""
+        found = [(run, run.champion()) for run in self.runs]
+        having = [(run, champion) for run, champion in found if champion is not None]
+        return sorted(having, key=lambda pair: -pair[1].fitness)
+
+
+def find_runs(paths: Sequence[Path]) -> list[Run]:
+    """The runs in folders; a folder that is no run itself, such as a sweep's, is searched.
+
+    Raises:
+        VizError: a path that does not exist, or holds no run.
+        ConfigError: a run whose settings are damaged.
+    """
+    folders: list[Path] = []
+    for path in paths:
+        if not path.is_dir():
+            raise VizError(f"{path} is not a folder: give the folder of a run, or of a sweep.")
+        if (path / SETTINGS_FILE).is_file():
+            found = [path]
+        else:
+            found = sorted(file.parent for file in path.rglob(SETTINGS_FILE))
+        if not found:
+            raise VizError(
+                f"{path} holds no run: there is no {SETTINGS_FILE} in it, nor in its folders."
+            )
+        folders += [folder for folder in found if folder not in folders]
+    return [Run(folder, load_config(folder)) for folder in folders]
+
+
+def group_runs(runs: Sequence[Run]) -> list[Group]:
+    """Runs by task and method, in the order in which these first come."""
+    groups: dict[tuple[str, str], list[Run]] = {}
+    for run in runs:
+        groups.setdefault((run.task, run.method), []).append(run)
+    return [Group(task, method, members) for (task, method), members in groups.items()]
+
+
+def tasks_of(groups: Sequence[Group]) -> list[str]:
+    """Names of the groups' tasks, each once."""
+    return list(dict.fromkeys(group.task for group in groups))
+
+
+def methods_of(groups: Sequence[Group]) -> list[str]:
+    """Names of the groups' methods, each once."""
+    return list(dict.fromkeys(group.method for group in groups))

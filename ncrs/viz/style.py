@@ -1,0 +1,110 @@
+"""How figures look, and how they are saved: PNG, SVG, and the data behind them as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from ncrs.checkpoint import write_atomically
+
+WIDTH = 7.0
+"""Inches: two columns of a page."""
+COLUMN = 3.4
+"""Inches: one column."""
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe and Ito's hues, which the colour-blind can tell apart, darkest first."""
+LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (8, 2)))
+"""Line styles that repeat every distinction that a colour makes."""
+EMPTY_CELL = "#e4e4e4"
+
+TASK_NAMES = {"light_chase": "LightChase", "obstacle": "Obstacle", "carry_ball": "CarryBall"}
+METHOD_NAMES = {
+    "sep_cma_es": "sep-CMA-ES",
+    "cma_es": "CMA-ES",
+    "cma_me": "CMA-ME",
+    "cma_mae": "CMA-MAE",
+    "map_elites": "MAP-Elites",
+}
+
+_STYLE: dict[Any, Any] = {
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.labelsize": 8,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 300,
+    "svg.hashsalt": "ncrs",  # the same data give the same file
+    "axes.unicode_minus": True,
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Within the block, figures are made and saved in the house style."""
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def task_name(task: str) -> str:
+    """A task's name as it is printed."""
+    return TASK_NAMES.get(task, task)
+
+
+def method_name(method: str) -> str:
+    """An optimizer's name as it is printed."""
+    return METHOD_NAMES.get(method, method)
+
+
+def method_style(method: str) -> dict[str, Any]:
+    """Colour and line style of a method, the same in all figures."""
+    known = list(METHOD_NAMES)
+    index = known.index(method) if method in known else len(known)
+    return {"color": COLORS[index], "ls": LINES[index]}
+
+
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """A figure with the numbers that it shows."""
+
+    name: str
+    """Of the files, without their suffix."""
+    figure: Figure
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+
+    def save(self, folder: Path) -> list[Path]:
+        """Write PNG, SVG and CSV; returns their paths."""
+        folder.mkdir(parents=True, exist_ok=True)
+        paths = [folder / f"{self.name}.{kind}" for kind in ("png", "svg", "csv")]
+        _write(paths[0], self._drawn("png", {"Software": None}))
+        _write(paths[1], self._drawn("svg", {"Date": None}))
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.columns)
+        writer.writerows(self.rows)
+        _write(paths[2], text.getvalue().encode())
+        return paths
+
+    def _drawn(self, kind: str, metadata: dict[str, None]) -> bytes:
+        stream = io.BytesIO()
+        self.figure.savefig(stream, format=kind, metadata=metadata)
+        return stream.getvalue()
+
+
+def _write(path: Path, data: bytes) -> None:
+    write_atomically(path, lambda file: file.write(data))

@@ -1,0 +1,34 @@
+"""Small runs to look at."""
+
+import dataclasses
+
+import pytest
+
+from ncrs.settings import EngineConfig, OptimizerConfig, TrainConfig
+from ncrs.training import train
+
+
+def small(**changes):
+    return dataclasses.replace(
+        TrainConfig(
+            optimizer=OptimizerConfig(sigma=0.1, population=16, told_popsize=True),
+            engine=EngineConfig(name="box2d", workers=1),
+            generations=2,
+            runs=1,
+            champion_every=1,
+            champion_runs=1,
+            seed=1,
+        ),
+        **changes,
+    )
+
+
+@pytest.fixture(scope="session")
+def sweep(tmp_path_factory):
+    """Two seeds of one optimizer, and a run of another, in one folder."""
+    folder = tmp_path_factory.mktemp("sweep")
+    train(small(), folder / "0")
+    train(small(seed=2, generations=3), folder / "1")
+    other = OptimizerConfig(name="map_elites", population=16)
+    train(small(optimizer=other), folder / "2")
+    return folder
