@@ -158,17 +158,17 @@ def _roll_out_genome(
     fixed = FIRST_PART_CHANNEL + part_codes.shape[0]
     graph = link_cells(body, fixed + CHANGING_CHANNELS, fixed)
     constants = control_constants(network, part_codes, body)
-    numbers = _cell_numbers(body)
+    numbers = cell_numbers(body)
     tiled_runs = -(-runs // RUN_TILE) * RUN_TILE
     states = np.zeros((graph.start.shape[0] - 1) * tiled_runs * CONTROL_LANES, dtype=np.float32)
     updated = np.zeros_like(states)
     for _ in range(steps):
         for _ in range(STEPS_PER_ACTION):
-            _write_sensors(cells, n, numbers, observations, tiled_runs, states)
+            write_sensors(cells, n, numbers, observations, tiled_runs, states)
             control_step(network, constants, graph, tiled_runs, states, updated)
             states, updated = updated, states
         for run in range(runs):
-            if not _read_wheels(cells, numbers, states, tiled_runs, run, actions[run]):
+            if not read_wheels(cells, numbers, states, tiled_runs, run, actions[run]):
                 run_fitness[run] = np.nan
             if np.isfinite(run_fitness[run]):
                 run_fitness[run] += step_run(
@@ -184,7 +184,7 @@ def _roll_out_genome(
 
 
 @kernel
-def _cell_numbers(body: NDArray[np.int8]) -> IntArray:
+def cell_numbers(body: NDArray[np.int8]) -> IntArray:
     """For each place of the flat grid, the number of its cell among the occupied ones."""
     numbers = np.full(body.size, -1, dtype=np.int64)
     cells = 0
@@ -196,7 +196,7 @@ def _cell_numbers(body: NDArray[np.int8]) -> IntArray:
 
 
 @kernel
-def _write_sensors(
+def write_sensors(
     cells: NDArray[np.int32],
     grid_size: int,
     numbers: IntArray,
@@ -214,7 +214,7 @@ def _write_sensors(
 
 
 @kernel
-def _read_wheels(
+def read_wheels(
     cells: NDArray[np.int32],
     numbers: IntArray,
     states: FloatArray,
