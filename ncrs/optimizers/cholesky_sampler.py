@@ -184,8 +184,8 @@ class CholeskySampler(cma.interfaces.StatisticalModelSamplerWithZeroMeanBaseClas
 
         C and L share one matrix: C below and on the diagonal, L above it and in ``diagonal``.
         """
-        packed = self._c.tril()
-        packed += self._l.mT.triu(1)
+        index = torch.arange(self.dimension, device=self._device)
+        packed = torch.where(index[:, None] >= index, self._c, self._l.mT)
         return {
             "packed": packed.cpu().numpy(),
             "diagonal": self._l.diagonal().cpu().numpy().copy(),
