@@ -96,9 +96,7 @@ def build_report(
     config = load_config(run_dir)
     robots = load_robots(run_dir)
     if elites == CHAMPION and robots.champion is None:
-        raise ReportError(
-            f"{run_dir} has no champion yet; record all elites, or train for longer."
-        )
+        raise ReportError(f"{run_dir} has no champion yet; record all elites, or train for longer.")
     target = run_dir / REPORT_FOLDER if folder is None else Path(folder)
     _check_target(target)
     settings = robots.task.checked()
@@ -207,7 +205,7 @@ def _record(
     growth = record_growth(population, settings.grid_size)
     grown = growth.bodies.astype(np.uint8)
     states = quantize(np.moveaxis(growth.states, -1, 2), limits["state"], np.int8)
-    runs = record_episodes(population, bodies, scenarios, settings)
+    runs = record_episodes(robots.genomes[rows], bodies, scenarios, settings)
     angles = np.remainder(runs.poses[..., 2] + np.pi, 2.0 * np.pi) - np.pi
     columns = {
         "position": quantize(runs.poses[..., :2], limits["position"], np.int16),

@@ -80,7 +80,7 @@ def _from_events(run_dir: Path) -> dict[str, Curve]:
     from tensorboard.backend.event_processing import event_accumulator as events
 
     # 0 keeps all; of what is not a number, one is the least that can be kept.
-    sizes = {kind: 1 for kind in events.DEFAULT_SIZE_GUIDANCE} | {events.SCALARS: 0}
+    sizes = dict.fromkeys(events.DEFAULT_SIZE_GUIDANCE, 1) | {events.SCALARS: 0}
     accumulator = events.EventAccumulator(str(run_dir), size_guidance=sizes)
     accumulator.Reload()
     return {

@@ -29,8 +29,9 @@ def quantize(values: NDArray[np.floating], limit: float, dtype: DTypeLike) -> ND
         ValueError: a value that is not finite.
     """
     if not np.isfinite(values).all():
-        raise ValueError(f"Cannot record {np.count_nonzero(~np.isfinite(values))} values that are "
-                         "not finite.")
+        raise ValueError(
+            f"Cannot record {np.count_nonzero(~np.isfinite(values))} values that are not finite."
+        )
     largest = np.iinfo(dtype).max
     least = 0 if np.issubdtype(dtype, np.unsignedinteger) else -largest
     return np.clip(np.rint(values * (largest / limit)), least, largest).astype(dtype)

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ncrs.control import Controller, StateError
 from ncrs.development import grow, read_body
-from ncrs.layout import BODY_CHANNEL
+from ncrs.engines.nca_kernels import pack_genomes
+from ncrs.engines.rollout_kernels import make_workspace
+from ncrs.layout import BODY_CHANNEL, CONTROL_CHANNEL, NCALayout, nca_layout
 from ncrs.nca import NCAPopulation
+from ncrs.report.recording_kernel import make_tapes, record_population
 from ncrs.report.robots import ReportError
-from ncrs_envs.batched.run_batch import RunBatch, default_threads
-from ncrs_envs.body import BodyGrid
+from ncrs_envs.batched.records import scenario_arrays, settings_array
+from ncrs_envs.batched.run_batch import default_threads
+from ncrs_envs.body import BodyGrid, Cell
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
-NOT_YET = -1
+_JOBS = 16
+"""Shares that robots are handed to threads in."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,7 @@ class Episodes:
     poses: NDArray[np.float64]
     """Centre x and y in units, and angle in radians; ``(P, E, T + 1, 3)``."""
     balls: NDArray[np.float64]
-    """Ball x and y in units, NaN in tasks without one; ``(P, E, T + 1, 2)``."""
+    """Ball x and y in units, zeros in tasks without one; ``(P, E, T + 1, 2)``."""
     sensors: NDArray[np.float32]
     """Value in each sensor cell, else 0; ``(P, E, T + 1, n, n)``."""
     gas: NDArray[np.float32]
@@ -68,67 +73,71 @@ def record_growth(population: NCAPopulation, grid_size: int) -> Growth:
 
 
 def record_episodes(
-    population: NCAPopulation,
+    genomes: NDArray[np.float32],
     bodies: BodyGrid,
     scenarios: Sequence[Scenario],
     settings: TaskSettings,
+    *,
     steps: int = MAX_EPISODE_STEPS,
+    workers: int | None = None,
 ) -> Episodes:
     """Drive every robot through the same scenarios.
 
     Args:
-        population: P automata.
+        genomes: ``(P, num_parameters)``.
         bodies: valid cell codes, ``(P, n, n)``.
         scenarios: E placements that fit the task.
         settings: the task.
         steps: length T of an episode.
+        workers: threads; None for one per processor. Results do not depend on it.
 
     Raises:
-        ReportError: a robot's state is no longer finite.
+        ReportError: a robot's gas is no longer finite.
     """
-    shape = (len(bodies), len(scenarios))
-    runs, n = shape[0] * shape[1], settings.grid_size
-    each = np.repeat(bodies, shape[1], axis=0)
-    batch = RunBatch(settings, runs, default_threads())
-    batch.set_bodies(np.arange(runs), each)
-    batch.scenarios.put(range(runs), list(scenarios) * shape[0])
-    batch.start(np.arange(runs))
-    controller = Controller(population, each.reshape(*shape, n, n))
-    poses = np.empty((steps + 1, runs, 3))
-    balls = np.full((steps + 1, runs, 2), np.nan)
-    sensors = np.empty((steps + 1, runs, n * n), dtype=np.float32)
-    gas = np.zeros_like(sensors)
-    rewards = np.zeros((steps + 1, runs))
-    success = np.full(runs, NOT_YET)
-    for step in range(steps + 1):
-        if step > 0:
-            actions = _act(controller, sensors[step - 1].reshape(*shape, n, n))
-            gas[step] = np.clip(actions.reshape(runs, n * n), -1.0, 1.0)
-            rewards[step] = batch.step(gas[step], np.ones(runs, dtype=np.bool_))
-            success[batch.success & (success == NOT_YET)] = step
-        poses[step] = batch.poses
-        sensors[step] = batch.observations
-        if settings.task.has_ball:
-            balls[step] = [batch.ball(run) for run in range(runs)]
-    batch.close()
+    count, runs, n = len(bodies), len(scenarios), settings.grid_size
+    layout = nca_layout(settings.task)
+    _, networks = pack_genomes(genomes, layout)
+    part_codes = np.array(layout.part_codes, dtype=np.int8)
+    task = settings_array(settings.task, n, settings.score, settings.success_radius)
+    table = scenario_arrays(scenarios, n)
+    tapes = make_tapes(count, runs, steps, n * n)
+
+    def record(chosen: NDArray[np.int64]) -> None:
+        workspace = make_workspace(n)
+        record_population(networks, part_codes, task, table, workspace, chosen, bodies, tapes)
+
+    record(np.arange(0))  # compiles, or loads what is on disk, before threads ask for it
+    workers = default_threads() if workers is None else workers
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(record, np.array_split(np.arange(count), min(count, _JOBS))))
+    lost = np.flatnonzero(~tapes.finite)
+    if len(lost):
+        raise ReportError(
+            f"Episodes cannot be recorded: the gas of robots {lost.tolist()} is not finite; their "
+            "weights are too large."
+        )
+    grid = (count, runs, steps + 1, n, n)
     return Episodes(
-        poses=_by_robot(poses, shape),
-        balls=_by_robot(balls, shape),
-        sensors=_by_robot(sensors, shape).reshape(*shape, steps + 1, n, n),
-        gas=_by_robot(gas, shape).reshape(*shape, steps + 1, n, n),
-        rewards=_by_robot(rewards, shape),
-        success_steps=success.reshape(shape),
-        control_states=controller.states,
+        poses=tapes.poses,
+        balls=tapes.balls,
+        sensors=tapes.sensors.reshape(grid),
+        gas=np.clip(tapes.gas, -1.0, 1.0).reshape(grid),
+        rewards=tapes.rewards,
+        success_steps=tapes.success_steps,
+        control_states=_control_states(
+            tapes.changing.reshape(count, runs, n, n, -1), bodies, layout
+        ),
     )
 
 
-def _act(controller: Controller, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-    try:
-        return controller.act(observations)
-    except StateError as error:
-        raise ReportError(f"An episode cannot be recorded. {error}") from error
-
-
-def _by_robot(values: NDArray[np.floating], shape: tuple[int, int]) -> NDArray[np.floating]:
-    """From ``(T + 1, P * E, ...)`` to ``(P, E, T + 1, ...)``."""
-    return np.moveaxis(values, 0, 1).reshape(*shape, values.shape[0], *values.shape[2:])
+def _control_states(
+    changing: NDArray[np.float32], bodies: BodyGrid, layout: NCALayout
+) -> NDArray[np.float32]:
+    """All channels in control, the fixed ones among them: ``(P, E, n, n, C)``."""
+    states = np.zeros((*changing.shape[:-1], layout.channels), dtype=np.float32)
+    states[..., layout.changing_channels] = changing
+    states[..., BODY_CHANNEL] = (bodies != Cell.EMPTY)[:, None]
+    states[..., CONTROL_CHANNEL] = 1.0
+    for channel, code in enumerate(layout.part_codes, start=layout.part_channels.start):
+        states[..., channel] = (bodies == code)[:, None]
+    return states

@@ -41,10 +41,22 @@ CHARTS: Sequence[tuple[str, Mapping[str, str]]] = (
 )
 """Title of each chart, and its curves' names by tag."""
 
-_COLORS = (
-    "AMBER SKY GREEN VERMILION WHITE GROUND GRID BORDER WALL WALL_EDGE TISSUE CELL_EDGE "
-    "SENSOR_BASE WHEEL_BASE"
-).split()
+_COLORS: Mapping[str, canvas.Color] = {
+    "amber": canvas.AMBER,
+    "sky": canvas.SKY,
+    "green": canvas.GREEN,
+    "vermilion": canvas.VERMILION,
+    "white": canvas.WHITE,
+    "ground": canvas.GROUND,
+    "grid": canvas.GRID,
+    "border": canvas.BORDER,
+    "wall": canvas.WALL,
+    "wall_edge": canvas.WALL_EDGE,
+    "tissue": canvas.TISSUE,
+    "cell_edge": canvas.CELL_EDGE,
+    "sensor_base": canvas.SENSOR_BASE,
+    "wheel_base": canvas.WHEEL_BASE,
+}
 _UNIT_POINT = 2
 """Decimals of placements, in units."""
 
@@ -57,7 +69,9 @@ def task_title(task: Task) -> str:
 def channel_names(layout: NCALayout) -> list[str]:
     """A name for each channel of the NCA, in order."""
     parts = [Cell(code).name.lower().replace("_", " ") for code in layout.part_codes]
-    hidden = [f"hidden {index + 1}" for index in range(layout.io_channel - layout.part_channels.stop)]
+    hidden = [
+        f"hidden {index + 1}" for index in range(layout.io_channel - layout.part_channels.stop)
+    ]
     return ["body", "control flag", *parts, *hidden, "input/output"]
 
 
@@ -157,7 +171,7 @@ def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, An
             }
             for character, cell in CELL_CHARACTERS.items()
         },
-        "palette": {name.lower(): "rgb(%d, %d, %d)" % getattr(canvas, name) for name in _COLORS},
+        "palette": {name: f"rgb{color}" for name, color in _COLORS.items()},
         "scenarios": [_placements(scenario, settings.grid_size) for scenario in scenarios],
     }
 

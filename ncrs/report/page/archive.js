@@ -44,7 +44,7 @@
     }
     return element("div", { class: "panel" }, element("h3", {}, `${cells} cells`), grid,
       element("div", { class: "axes", "aria-hidden": "true" },
-        element("span", {}, `${minSensors}`), element("span", {}, cells > 6 ? "sensors →" : ""),
+        element("span", {}, `${minSensors}`), element("span", {}, cells > 8 ? "sensors →" : ""),
         element("span", {}, `${cells - minWheels}`)));
   }
 
