@@ -7,9 +7,9 @@ import sys
 from collections.abc import Sequence
 
 from ncrs.checkpoint import CheckpointError
-from ncrs.commands import archive, evaluate, figures, render, report
+from ncrs.commands import archive, evaluate, figures, film, render, report
 
-_COMMANDS = (evaluate, archive, render, figures, report)
+_COMMANDS = (evaluate, archive, render, figures, film, report)
 
 
 def _parser() -> argparse.ArgumentParser:

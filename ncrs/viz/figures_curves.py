@@ -44,7 +44,7 @@ def fitness_plot(groups: Sequence[Group], axis: str = "generation") -> Plot | No
     if not shown:
         return None
     tasks = tasks_of(shown)
-    figure = Figure(figsize=(min(WIDTH, COLUMN * len(tasks)), 2.5))
+    figure = Figure(figsize=(min(WIDTH, COLUMN * len(tasks)), 2.8))
     panels = figure.subplots(1, len(tasks), squeeze=False)[0]
     rows: list[list[object]] = []
     for group in shown:
@@ -64,7 +64,8 @@ def fitness_plot(groups: Sequence[Group], axis: str = "generation") -> Plot | No
     for task, panel in zip(tasks, panels, strict=True):
         panel.set(title=task_name(task), xlabel=AXES[axis])
         panel.xaxis.get_major_locator().set_params(integer=True)
-        panel.legend(loc="lower right")
+        # Below the panel: curves may run anywhere in it.
+        panel.legend(loc="upper left", bbox_to_anchor=(0.0, -0.22), borderaxespad=0.0)
     panels[0].set_ylabel("best fitness (median, range)")
     columns = ["task", "method", axis, "median", "lowest", "highest", "seeds"]
     return Plot("fitness", figure, columns, rows)

@@ -13,6 +13,7 @@ from ncrs.champion import CHAMPION_FILE, Champion, load_champion_file
 from ncrs.elites import ARCHIVE_FILE, EliteArchive, load_archive
 from ncrs.metrics import METRICS_FILE, read_metrics
 from ncrs.settings import SETTINGS_FILE, TrainConfig, load_config
+from ncrs_envs.tasks import TASKS
 
 
 class VizError(ValueError):
@@ -96,9 +97,10 @@ def find_runs(paths: Sequence[Path]) -> list[Run]:
 
 
 def group_runs(runs: Sequence[Run]) -> list[Group]:
-    """Runs by task and method, in the order in which these first come."""
+    """Runs by task and method; tasks in the paper's order, methods in the alphabet's."""
     groups: dict[tuple[str, str], list[Run]] = {}
-    for run in runs:
+    order = list(TASKS)
+    for run in sorted(runs, key=lambda run: (order.index(run.task), run.method)):
         groups.setdefault((run.task, run.method), []).append(run)
     return [Group(task, method, members) for (task, method), members in groups.items()]
 
@@ -110,4 +112,4 @@ def tasks_of(groups: Sequence[Group]) -> list[str]:
 
 def methods_of(groups: Sequence[Group]) -> list[str]:
     """Names of the groups' methods, each once."""
-    return list(dict.fromkeys(group.method for group in groups))
+    return sorted({group.method for group in groups})

@@ -1,0 +1,145 @@
+"""Writing frames to MP4 and GIF, one after the other, without keeping the film in memory."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ncrs.viz.runs import VizError
+
+_GIF_WIDTH = 540
+_GIF_FPS = 12.5
+_GIF_COLORS = 96
+
+
+class FilmWriter(ABC):
+    """Writes one film; nothing lies at its path before it is whole."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._unfinished = path.with_name(f".{path.stem}.tmp{path.suffix}")
+
+    @abstractmethod
+    def add(self, frame: NDArray[np.uint8], copies: int) -> None:
+        """Show a frame, uint8 ``(height, width, 3)``, for ``copies`` frames' time."""
+
+    @abstractmethod
+    def _finish(self) -> None:
+        """Write what is left."""
+
+    def close(self, *, keep: bool) -> None:
+        """Finish the file and put it in its place; without ``keep``, remove it."""
+        self._finish()
+        if keep:
+            self._unfinished.replace(self._path)
+        else:
+            self._unfinished.unlink(missing_ok=True)
+
+
+class Mp4Writer(FilmWriter):
+    """H.264 in the pixel format that every browser and player reads."""
+
+    def __init__(self, path: Path, size: tuple[int, int], fps: float) -> None:
+        super().__init__(path)
+        import imageio_ffmpeg
+
+        self._pipe: Any = imageio_ffmpeg.write_frames(
+            str(self._unfinished),
+            size,
+            fps=fps,
+            codec="libx264",
+            quality=7,
+            pix_fmt_out="yuv420p",
+            macro_block_size=2,
+            output_params=["-movflags", "+faststart"],
+        )
+        self._pipe.send(None)
+
+    def add(self, frame: NDArray[np.uint8], copies: int) -> None:
+        """Encode the frame ``copies`` times."""
+        data = np.ascontiguousarray(frame)
+        try:
+            for _ in range(copies):
+                self._pipe.send(data)
+        except OSError as error:
+            raise VizError(
+                f"The video encoder stopped writing {self._path}; is there space, and may you "
+                "write there?"
+            ) from error
+
+    def _finish(self) -> None:
+        self._pipe.close()
+
+
+class GifWriter(FilmWriter):
+    """A smaller film at half the rate, for pages that show no video."""
+
+    def __init__(self, path: Path, size: tuple[int, int], fps: float) -> None:
+        super().__init__(path)
+        self._fps = fps
+        width = min(_GIF_WIDTH, size[0])
+        self._size = (width, round(size[1] * width / size[0]))
+        self._images: list[Image.Image] = []
+        self._durations: list[int] = []
+
+    def add(self, frame: NDArray[np.uint8], copies: int) -> None:
+        """Keep the frame if it is time for a new one, else show the last one longer."""
+        milliseconds = copies * 1000.0 / self._fps
+        if self._images and self._durations[-1] < 1000.0 / _GIF_FPS:
+            self._durations[-1] += round(milliseconds)
+            return
+        small = Image.fromarray(frame).resize(self._size, Image.Resampling.LANCZOS)
+        self._images.append(small.quantize(_GIF_COLORS, dither=Image.Dither.NONE))
+        self._durations.append(round(milliseconds))
+
+    def _finish(self) -> None:
+        if not self._images:
+            return
+        self._images[0].save(
+            self._unfinished,
+            save_all=True,
+            append_images=self._images[1:],
+            duration=self._durations,
+            loop=0,
+        )
+
+
+def check_encoder() -> None:
+    """Raise ``VizError`` unless there is an encoder for MP4."""
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError) as error:
+        raise VizError(
+            "There is no video encoder for MP4: install one with pip install 'ncrs[viz]', or write "
+            "a GIF alone with --format gif."
+        ) from error
+
+
+def open_writers(paths: Sequence[Path], size: tuple[int, int], fps: float) -> list[FilmWriter]:
+    """A writer for each path, by its suffix.
+
+    Args:
+        paths: ``.mp4`` and ``.gif`` files.
+        size: width and height of the frames.
+        fps: frames per second.
+
+    Raises:
+        VizError: another suffix, a folder that does not exist, or no video encoder.
+    """
+    kinds: dict[str, Any] = {".mp4": Mp4Writer, ".gif": GifWriter}
+    for path in paths:
+        if path.suffix not in kinds:
+            raise VizError(f"A film is {' or '.join(kinds)}, not {path.suffix or path.name}.")
+        if not path.parent.is_dir():
+            raise VizError(f"Cannot write {path}: there is no folder {path.parent}.")
+    if any(path.suffix == ".mp4" for path in paths):
+        check_encoder()
+    return [kinds[path.suffix](path, size, fps) for path in paths]

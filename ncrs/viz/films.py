@@ -1,0 +1,202 @@
+"""Films: a robot grows, then drives; beside it what it senses, does and computes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.recording import Grown, Growth, Recording, record_episodes, record_growth
+from ncrs.viz.film_files import FilmWriter, open_writers
+from ncrs.viz.runs import VizError
+from ncrs.viz.stills import Picture, ground, ramp, write
+from ncrs_envs.body import sensor_mask, wheel_mask
+from ncrs_envs.canvas import BORDER, TISSUE, WHITE
+from ncrs_envs.physics import DT
+from ncrs_envs.rendering import draw_body, draw_scene
+
+FPS = 25
+DEFAULT_HEIGHT = 600
+HEIGHTS = (240, 1440)
+"""Least and largest height of a film in pixels."""
+_GROWTH_SECONDS = 0.4
+"""How long each step of growth is shown."""
+_PAUSE_SECONDS = 1.0
+_CHANNEL_COLUMNS = 5
+_CHANNEL_LIMIT = 2.0
+"""Channel values from which on colours no longer change; few go farther."""
+
+
+@dataclass(frozen=True)
+class FilmSize:
+    """Where things are, in pixels; all even, as video encoders need."""
+
+    height: int
+
+    @property
+    def side(self) -> int:
+        """Width of the panel beside the square picture."""
+        return self.height // 2 // 2 * 2
+
+    @property
+    def width(self) -> int:
+        """Of the whole."""
+        return self.height + self.side
+
+    @property
+    def closeup(self) -> int:
+        """Side of the robot enlarged."""
+        return round(0.65 * self.side)
+
+    @property
+    def text(self) -> int:
+        """Size of the letters."""
+        return max(10, self.height // 34)
+
+
+def check_height(height: int) -> FilmSize:
+    """The layout for a height in pixels, or ``VizError`` if there can be none."""
+    least, most = HEIGHTS
+    if not least <= height <= most:
+        raise VizError(f"The height must be from {least} to {most} pixels, got {height}.")
+    return FilmSize(height // 2 * 2)
+
+
+def growth_frames(robot: Grown, title: str, size: FilmSize) -> Iterator[Picture]:
+    """One frame for every state, the seed first."""
+    growth: Growth = record_growth(robot)
+    last = len(growth.states) - 1
+    for step, (state, body) in enumerate(zip(growth.states, growth.bodies, strict=True)):
+        lines = [*_heading(robot, title), f"growth, step {step} of {last}"]
+        panel = _panel(size, lines, None, state)
+        yield np.concatenate([draw_body(body, size.height), panel], axis=1)
+
+
+def episode_frames(
+    recording: Recording, heading: list[str], number: int, episodes: int, size: FilmSize
+) -> Iterator[Picture]:
+    """One frame for every step, the start first."""
+    for step, (scene, state) in enumerate(zip(recording.scenes, recording.states, strict=True)):
+        earned = float(recording.rewards[:step].mean()) if step else 0.0
+        lines = [
+            *heading,
+            f"episode {number} of {episodes}, {step * DT:.2f} s",
+            f"fitness {earned:.3f}{'   solved' if scene.success else ''}",
+            _levels("sensors", scene.sensor_values[sensor_mask(scene.body)]),
+            _levels("wheels", np.clip(scene.action[wheel_mask(scene.body)], -1.0, 1.0)),
+        ]
+        robot = draw_body(
+            scene.body,
+            size.closeup,
+            sensor_values=scene.sensor_values,
+            action=scene.action,
+        )
+        picture = draw_scene(scene, size.height, inset=False)
+        yield np.concatenate([picture, _panel(size, lines, robot, state)], axis=1)
+
+
+def _heading(robot: Grown, title: str) -> list[str]:
+    return [robot.task.checked().task.env_id.split("-")[1], title]
+
+
+def _levels(name: str, values: NDArray[np.floating]) -> str:
+    return f"{name} {values.min():.2f} to {values.max():.2f}"
+
+
+def _panel(
+    size: FilmSize, lines: list[str], robot: Picture | None, state: NDArray[np.float32]
+) -> Picture:
+    """Text above, the robot enlarged, and the NCA's channels below."""
+    panel = ground(size.height, size.side)
+    panel[:, :2] = BORDER
+    margin = size.text
+    if robot is not None:
+        top, left = round(9.5 * size.text), (size.side - robot.shape[1]) // 2
+        panel[top : top + robot.shape[0], left : left + robot.shape[1]] = robot
+    channels = channel_picture(state, size.side - 2 * margin)
+    top = size.height - margin - channels.shape[0]
+    panel[top : top + channels.shape[0], margin : margin + channels.shape[1]] = channels
+    panel = write(panel, (margin, margin), lines[0], size.text, WHITE)
+    panel = write(panel, (margin, 2.6 * margin), "\n".join(lines[1:]), size.text, TISSUE)
+    caption = f"{state.shape[-1]} channels of the NCA, -2 to 2"
+    return write(panel, (margin, top - 0.5 * margin), caption, size.text * 4 // 5, TISSUE, "ls")
+
+
+def channel_picture(state: NDArray[np.float32], width: int) -> Picture:
+    """All channels of a state ``(n, n, C)`` as small maps in rows, at most ``width`` wide."""
+    n, _, channels = state.shape
+    gap = 4
+    pixels = max(1, (width + gap) // _CHANNEL_COLUMNS - gap) // n
+    side = pixels * n + gap
+    rows = -(-channels // _CHANNEL_COLUMNS)
+    picture = ground(rows * side - gap, _CHANNEL_COLUMNS * side - gap)
+    for channel in range(channels):
+        row, column = divmod(channel, _CHANNEL_COLUMNS)
+        colors = ramp(state[..., channel], -_CHANNEL_LIMIT, _CHANNEL_LIMIT)
+        cells = colors.repeat(pixels, axis=0).repeat(pixels, axis=1)
+        top, left = row * side, column * side
+        picture[top : top + cells.shape[0], left : left + cells.shape[1]] = cells
+    return picture
+
+
+def timed_frames(
+    robot: Grown, title: str, episodes: int, seed: int, speed: float, size: FilmSize
+) -> Iterator[tuple[Picture, float]]:
+    """All frames of a film, each with the seconds that it is shown."""
+    for frame in growth_frames(robot, title, size):
+        yield frame, _GROWTH_SECONDS
+    yield frame, _PAUSE_SECONDS
+    heading = _heading(robot, title)
+    recordings = record_episodes(robot, episodes, seed)
+    for number, recording in enumerate(recordings, start=1):
+        for frame in episode_frames(recording, heading, number, episodes, size):
+            yield frame, DT / speed
+        yield frame, _PAUSE_SECONDS
+
+
+def save_film(
+    robot: Grown,
+    title: str,
+    paths: list[Path],
+    *,
+    episodes: int = 4,
+    seed: int = 0,
+    speed: float = 0.5,
+    height: int = DEFAULT_HEIGHT,
+) -> None:
+    """Write one film as MP4, GIF, or both.
+
+    Args:
+        robot: champion, elite, or other grown robot.
+        title: written on every frame.
+        paths: files to write, by suffix ``.mp4`` or ``.gif``.
+        episodes: number of episodes after growth; regions of the light or ball take turns.
+        seed: of the episodes.
+        speed: 1 is real time, less is slower.
+        height: of the picture in pixels, which is half again as wide.
+
+    Raises:
+        VizError: a height or speed out of range, an unknown suffix, or no video encoder.
+        ScenarioError: ``episodes`` is not a positive integer.
+    """
+    size = check_height(height)
+    if not 0.0 < speed <= 4.0:
+        raise VizError(f"The speed must be above 0 and at most 4, got {speed}.")
+    writers: list[FilmWriter] = open_writers(paths, (size.width, size.height), FPS)
+    time = 0.0
+    written = 0
+    done = False
+    try:
+        for frame, seconds in timed_frames(robot, title, episodes, seed, speed, size):
+            time += seconds
+            copies = max(0, round(time * FPS) - written)
+            written += copies
+            for writer in writers:
+                writer.add(frame, copies)
+        done = True
+    finally:
+        for writer in writers:
+            writer.close(keep=done)
