@@ -7,9 +7,9 @@ import sys
 from collections.abc import Sequence
 
 from ncrs.checkpoint import CheckpointError
-from ncrs.commands import archive, evaluate, figures, film, render, report
+from ncrs.commands import archive, evaluate, figures, film, play, render, report
 
-_COMMANDS = (evaluate, archive, render, figures, film, report)
+_COMMANDS = (evaluate, archive, render, figures, film, play, report)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -77,6 +78,8 @@ class Canvas:
     """
 
     def __init__(self, size: int, background: Color) -> None:
+        # Its greeting would land in the middle of a progress bar.
+        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
         import pygame
 
         self._draw: Any = pygame.draw

@@ -44,7 +44,7 @@ def write(
     image = Image.fromarray(picture)
     font = ImageFont.load_default(size)
     ImageDraw.Draw(image).multiline_text(at, text, fill=color, font=font, anchor=anchor)
-    return np.asarray(image)
+    return np.array(image)
 
 
 def ground(height: int, width: int) -> Picture:

@@ -1,0 +1,48 @@
+"""``ncrs play``: drive a body yourself, beside an evolved robot if you like."""
+
+from __future__ import annotations
+
+import argparse
+
+from ncrs.commands import Commands
+from ncrs.commands.film import add_robot_arguments
+
+
+def add_parser(commands: Commands) -> None:
+    """Declare the command."""
+    parser = commands.add_parser(
+        "play", help="drive a body with the keyboard and edit it with the mouse, in a window"
+    )
+    add_robot_arguments(parser, nargs="?")
+    parser.add_argument("--body", help="yours to begin with, as rows: L#L/W#W/W#W")
+    parser.add_argument("--seed", type=int, default=0, help="of the scenarios; default: 0")
+    parser.add_argument(
+        "--endless", action="store_true", help="drive on after the task's 100 steps"
+    )
+    parser.set_defaults(action=_run)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from ncrs.settings import TaskConfig
+    from ncrs.viz.play_session import PlaySession
+    from ncrs.viz.play_window import PlayWindow
+    from ncrs.viz.robots import load_robot
+    from ncrs_envs.body import DEFAULT_GRID_SIZE, parse_body
+    from ncrs_envs.tasks import LIGHT_CHASE, default_body
+
+    rival = None
+    if options.robot is None:
+        task = TaskConfig(options.task or LIGHT_CHASE.name, options.grid_size or DEFAULT_GRID_SIZE)
+    else:
+        rival = load_robot(
+            options.robot, features=options.features, task=options.task, grid_size=options.grid_size
+        )
+        task = rival.task
+    settings = task.checked()
+    if options.body is None:
+        body = default_body(settings.task, settings.grid_size)
+    else:
+        body = parse_body(options.body.split("/"), settings.grid_size)
+    session = PlaySession(task, body, rival, seed=options.seed, endless=options.endless)
+    with PlayWindow(session, "evolved" if rival is None else rival.title) as window:
+        window.run()

@@ -1,0 +1,134 @@
+"""The window to play in: turns keys and clicks into what a session does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ncrs.threads import one_torch_thread
+from ncrs.viz.play_session import PlaySession
+from ncrs.viz.play_view import draw_play, layout_of
+from ncrs.viz.runs import VizError
+from ncrs_envs.body import Cell
+from ncrs_envs.physics import DT
+
+FPS = 25
+SPEEDS = (0.125, 0.25, 0.5, 1.0)
+DEFAULT_SPEED = 0.25
+_MOST_STEPS = 5
+"""Steps between two frames at most: a slow computer plays in slow motion, and does not jump."""
+
+
+class PlayWindow:
+    """A window on a session; a context manager.
+
+    Args:
+        session: the game.
+        title: of the evolved robot.
+
+    Raises:
+        VizError: there is no screen.
+    """
+
+    def __init__(self, session: PlaySession, title: str = "evolved") -> None:
+        import pygame
+
+        self._pygame: Any = pygame
+        self._session = session
+        self._title = title
+        self._layout = layout_of(session)
+        self._keys: set[int] = set()
+        self._owed = 0.0
+        self.speed = DEFAULT_SPEED
+        self.chosen = Cell.WHEEL
+        """What a click puts into the body."""
+        self.open = True
+        try:
+            pygame.display.init()
+            pygame.display.set_caption("ncrs play")
+            self._screen = pygame.display.set_mode(self._layout.size)
+        except pygame.error as error:
+            raise VizError(
+                f"There is no screen to open a window on ({error}); ncrs film needs none."
+            ) from error
+        self._clock = pygame.time.Clock()
+
+    def __enter__(self) -> PlayWindow:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._session.close()
+        self._pygame.display.quit()
+
+    def run(self) -> None:
+        """Play until the window is closed."""
+        with one_torch_thread():
+            elapsed = 0.0
+            while self.open:
+                self.frame(elapsed)
+                elapsed = self._clock.tick(FPS) / 1000.0
+
+    def frame(self, elapsed: float) -> None:
+        """Handle what has happened, advance by ``elapsed`` seconds of the player's, and draw."""
+        for event in self._pygame.event.get():
+            self._handle(event)
+        if not self.open:
+            return
+        self._owed += elapsed * self.speed / DT
+        steps = min(int(self._owed), _MOST_STEPS)
+        self._owed = min(self._owed - steps, 1.0)
+        for _ in range(steps):
+            self._session.step(*self._drive())
+        picture = draw_play(self._session, self.chosen, self.speed, self._title)
+        self._pygame.surfarray.blit_array(self._screen, picture.transpose(1, 0, 2))
+        self._pygame.display.flip()
+
+    def _drive(self) -> tuple[float, float]:
+        """Throttle and turn that the keys held down ask for."""
+        pygame = self._pygame
+
+        def held(*keys: int) -> float:
+            return float(any(key in self._keys for key in keys))
+
+        throttle = held(pygame.K_UP, pygame.K_w) - held(pygame.K_DOWN, pygame.K_s)
+        turn = held(pygame.K_LEFT, pygame.K_a) - held(pygame.K_RIGHT, pygame.K_d)
+        return throttle, turn
+
+    def _handle(self, event: Any) -> None:
+        pygame = self._pygame
+        if event.type == pygame.QUIT:
+            self.open = False
+        elif event.type == pygame.KEYDOWN:
+            self._keys.add(event.key)
+            self._press(event.key)
+        elif event.type == pygame.KEYUP:
+            self._keys.discard(event.key)
+        elif event.type == pygame.WINDOWFOCUSLOST:
+            self._keys.clear()  # their release will go unnoticed
+        elif event.type == pygame.MOUSEBUTTONDOWN:
+            self._click(event.pos, event.button)
+
+    def _press(self, key: int) -> None:
+        pygame, session = self._pygame, self._session
+        if key == pygame.K_ESCAPE:
+            self.open = False
+        elif key == pygame.K_r:
+            session.restart()
+        elif key == pygame.K_n:
+            session.next_scenario()
+        elif key == pygame.K_b and session.rival_body is not None:
+            session.wear(session.rival_body)
+        elif key in (pygame.K_PLUS, pygame.K_EQUALS, pygame.K_KP_PLUS):
+            self.speed = SPEEDS[min(SPEEDS.index(self.speed) + 1, len(SPEEDS) - 1)]
+        elif key in (pygame.K_MINUS, pygame.K_KP_MINUS):
+            self.speed = SPEEDS[max(SPEEDS.index(self.speed) - 1, 0)]
+        elif pygame.K_1 <= key < pygame.K_1 + len(session.cells):
+            self.chosen = session.cells[key - pygame.K_1]
+
+    def _click(self, position: tuple[int, int], button: int) -> None:
+        cell = self._layout.palette_at(*position)
+        if cell is not None:
+            self.chosen = cell
+            return
+        place = self._layout.cell_at(*position)
+        if place is not None and button in (1, 3):
+            self._session.paint(*place, self.chosen if button == 1 else Cell.EMPTY)
