@@ -34,7 +34,8 @@ def quantize(values: NDArray[np.floating], limit: float, dtype: DTypeLike) -> ND
         )
     largest = np.iinfo(dtype).max
     least = 0 if np.issubdtype(dtype, np.unsignedinteger) else -largest
-    return np.clip(np.rint(values * (largest / limit)), least, largest).astype(dtype)
+    rounded: NDArray[Any] = np.clip(np.rint(values * (largest / limit)), least, largest)
+    return rounded.astype(dtype)
 
 
 def write_data(path: Path, kind: str, index: int, value: Any) -> int:
