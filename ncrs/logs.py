@@ -23,7 +23,7 @@ from ncrs.champion import Champion
 from ncrs.engines.base import Evaluation
 from ncrs.metrics import MetricsFile
 from ncrs.settings import TrainConfig
-from ncrs.viz.tensorboard import RunPictures, add_end, add_settings
+from ncrs.viz.tensorboard import RunPictures, add_curves, add_end, add_settings
 
 _PACKAGES = ("torch", "numpy", "gymnasium", "cma")
 _BAR_SECONDS_WITHOUT_TERMINAL = 15.0
@@ -118,8 +118,7 @@ class RunLog:
         """
         values = {**metrics, **self._of_champion}
         self._of_champion = {}
-        for tag, value in values.items():
-            self._writer.add_scalar(tag, value, index)
+        add_curves(self._writer, values, index)
         self._table.add(index, values)
         self._bar.set_postfix(best=f"{best:.4f}", refresh=False)
         self._bar.update()

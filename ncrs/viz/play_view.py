@@ -20,6 +20,7 @@ _DESK = 250
 _EDITOR = 200
 _MARGIN = 16
 _PALETTE = 30
+_BETWEEN = 8
 _TEXT = 14
 _BARS = 110
 _KEYS = (
@@ -61,7 +62,7 @@ class Layout:
     def palette(self, index: int) -> tuple[int, int]:
         """Left and top of a palette entry."""
         left, top = self.editor
-        return left + _EDITOR + _MARGIN, top + index * (_PALETTE + 8)
+        return left + _EDITOR + _MARGIN, top + index * (_PALETTE + _BETWEEN)
 
     def cell_at(self, x: int, y: int) -> tuple[int, int] | None:
         """Row and column of the body's cell at a pixel, or None."""
@@ -107,8 +108,9 @@ def draw_play(session: PlaySession, chosen: Cell, speed: float, rival_title: str
     picture[_TITLE + ARENA, :] = BORDER
     left, top = layout.editor
     _put(picture, draw_body(session.body, _EDITOR), left, top)
-    picture = _palette(picture, layout, chosen)
-    x = layout.palette(0)[0] + 6 * _PALETTE
+    palette_left, palette_top = layout.palette(0)
+    _put(picture, _palette(layout.cells, chosen), palette_left - 3, palette_top - 3)
+    x = palette_left + 6 * _PALETTE
     picture = _sensors(picture, session, x, top)
     if session.rivals is not None:
         _put(picture, _help(width - x - _BARS - 60, *_RIVAL_KEYS), x + _BARS + 60, top)
@@ -130,24 +132,27 @@ def _arena(lane: Lane, name: str) -> Picture:
     return np.concatenate([head, draw_scene(scene, ARENA)], axis=0)
 
 
+@lru_cache(maxsize=4)
 def _help(width: int, *more: str) -> Picture:
     panel = ground(_DESK - 2 * _MARGIN - _TEXT, width)
     return write(panel, (12, 4), "\n".join((*_KEYS, *more)), _TEXT, TISSUE)
 
 
-def _palette(picture: Picture, layout: Layout, chosen: Cell) -> Picture:
-    for index, cell in enumerate(layout.cells):
-        left, top = layout.palette(index)
+@lru_cache(maxsize=16)
+def _palette(cells: tuple[Cell, ...], chosen: Cell) -> Picture:
+    """The cells to choose from, with room for a frame of 3 pixels around each."""
+    step = _PALETTE + _BETWEEN
+    picture = ground(len(cells) * step, 5 * _PALETTE + 6)
+    for index, cell in enumerate(cells):
+        top = index * step + 3
         if cell is chosen:
-            frame = picture[top - 3 : top + _PALETTE + 3, left - 3 : left + 5 * _PALETTE]
-            frame[:] = SENSOR_BASE
-        _put(picture, _sample(cell), left, top)
-        at = (left + _PALETTE + 8, top + _PALETTE / 2)
+            picture[top - 3 : top + _PALETTE + 3] = SENSOR_BASE
+        _put(picture, _sample(cell), 3, top)
+        at = (_PALETTE + 11, top + _PALETTE / 2)
         picture = write(picture, at, f"{index + 1}  {_NAMES[cell]}", _TEXT, WHITE, "lm")
     return picture
 
 
-@lru_cache(maxsize=len(Cell))
 def _sample(cell: Cell) -> Picture:
     """One cell, cut out of a drawn body."""
     body = np.zeros((3, 3), dtype=np.int8)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,13 +38,17 @@ def ramp(values: NDArray[np.floating], low: float, high: float) -> Picture:
     return np.asarray(_RAMP[below] * (1.0 - rest) + _RAMP[below + 1] * rest + 0.5, dtype=np.uint8)
 
 
+@lru_cache(maxsize=16)
+def _font(size: int) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
+    return ImageFont.load_default(size)
+
+
 def write(
     picture: Picture, at: Point, text: str, size: int, color: Color = WHITE, anchor: str = "la"
 ) -> Picture:
     """A copy of a picture with text; ``anchor`` is Pillow's."""
     image = Image.fromarray(picture)
-    font = ImageFont.load_default(size)
-    ImageDraw.Draw(image).multiline_text(at, text, fill=color, font=font, anchor=anchor)
+    ImageDraw.Draw(image).multiline_text(at, text, fill=color, font=_font(size), anchor=anchor)
     return np.array(image)
 
 
