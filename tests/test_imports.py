@@ -55,7 +55,8 @@ def test_no_import_points_down(pattern):
         ("ncrs_envs.env", ("torch", "pygame", "numba", "ncrs")),
         ("ncrs", ("Box2D", "pygame", "numba", "hydra", "cma", "tensorboard")),
         ("ncrs.optimizers.cma_es", ("ncrs.optimizers.cholesky_sampler",)),
-        ("ncrs.training", ("hydra", "omegaconf", "pygame")),
+        ("ncrs.training", ("hydra", "omegaconf", "pygame", "matplotlib")),
+        ("ncrs.cli", ("matplotlib", "pygame", "imageio_ffmpeg", "jinja2")),
     ],
 )
 def test_light_imports_stay_light(module, absent):
