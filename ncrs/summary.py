@@ -56,6 +56,10 @@ def finished_lines(result: TrainingResult, config: TrainConfig) -> list[str]:
             f"On {EPISODES} fresh episodes, on {REFERENCE_ENGINE}:",
             *("  " + line for line in assessment.lines()),
         ]
+    lines.append(
+        f"Archive: an elite for {result.filled:,} of {result.triples:,} combinations of sensors, "
+        "wheels and cells"
+    )
     longer = 2 * config.generations
     return [
         *lines,

@@ -56,6 +56,10 @@ class TrainingResult:
     """Best fitness of any genome in any generation: a lucky draw, on its own scenarios."""
     champion: Champion | None
     """The best re-evaluated genome; None if the run was stopped before the first round."""
+    filled: int
+    """Feature triples that have an elite in the archive."""
+    triples: int
+    """Feature triples that bodies can have."""
     evaluations: int
     env_steps: int
     seconds: float
@@ -134,6 +138,8 @@ class Trainer:
             generation=self._generation,
             best_fitness=float(self._best_fitness),
             champion=self._champion,
+            filled=len(self._archive),
+            triples=len(self._archive.space.triples),
             evaluations=self._evaluations,
             env_steps=self._env_steps,
             seconds=self._seconds,
