@@ -82,11 +82,12 @@
       NCRSReport.say(describe(cell));
       return;
     }
-    NCRSReport.showRobot(Number(cell.dataset.robot));
+    const isShown = NCRSReport.showRobot(Number(cell.dataset.robot));
     if (isWide()) return;
     const robots = document.getElementById("robots");
     robots.focus({ preventScroll: true });
     robots.scrollIntoView();
+    isShown.then(() => robots.scrollIntoView()); // the page was not as long before
   }
 
   function neighbour(key) {

@@ -57,7 +57,7 @@
   NCRSReport.makePlayer = (name, body, episodes, onEpisode) => {
     const world = NCRSReport.overview.world;
     const steps = world.steps;
-    let chosen = 0, time = 0, request = 0, before = 0;
+    let chosen = 0, time = 0, request = 0, before = null;
 
     const stage = element("canvas", { class: "stage", role: "img" });
     const closeUp = element("canvas", { class: "close-up", role: "img",
@@ -91,8 +91,9 @@
       draw();
     }
     function tick(now) {
-      time = Math.min(time + ((now - before) / 1000 / world.dt) * Number(speed.value), steps);
+      const passed = before === null ? 0 : now - before; // a first frame's time may lie before the click
       before = now;
+      time = Math.min(time + (passed / 1000 / world.dt) * Number(speed.value), steps);
       draw();
       if (time >= steps || !stage.isConnected) pause();
       else request = requestAnimationFrame(tick);
@@ -100,7 +101,7 @@
     function start() {
       if (request) return;
       if (time >= steps) time = 0;
-      before = performance.now();
+      before = null;
       play.textContent = "Pause";
       request = requestAnimationFrame(tick);
     }
