@@ -12,7 +12,7 @@
     if (high <= low) return [low];
     const raw = (high - low) / 4;
     const power = 10 ** Math.floor(Math.log10(raw));
-    const step = power * [1, 2, 5, 10].find((factor) => factor * power >= raw);
+    const step = power * [1, 2, 2.5, 5, 10].find((factor) => factor * power >= raw);
     const found = [];
     for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i++) found.push(i * step);
     return found;

@@ -13,7 +13,7 @@
     const canvases = channels.map(() => element("canvas", { role: "img" }));
     const least = element("span"), most = element("span");
     const figures = channels.map((name, i) =>
-      element("figure", { class: "channel" }, canvases[i], element("figcaption", {}, name)));
+      element("figure", { class: "channel" }, canvases[i], element("figcaption", {}, name.replace("/", "/\u200b"))));
     const ramp = element("span");
     ramp.style.background = NCRSReport.signedRamp;
     const box = element("div", {}, heading, element("div", { class: "channels" }, ...figures),

@@ -73,7 +73,7 @@
     const outcome = element("p", { class: "quiet outcome" });
     const readout = element("p", { class: "readout" });
     const step = (by, text, label) => element("button", { type: "button", "aria-label": label,
-      onclick: () => { pause(); seek(Math.round(time) + by); } }, text);
+      onclick: () => { pause(); seek(Math.floor(time) + by); } }, text);
 
     function draw() {
       const current = episodes[chosen], scenario = world.scenarios[chosen];
@@ -83,8 +83,8 @@
       scrubber.value = frame.step;
       const seconds = (frame.step * world.dt).toFixed(2);
       scrubber.setAttribute("aria-valuetext", `step ${frame.step} of ${steps}`);
-      readout.textContent = `Step ${frame.step} of ${steps}, ${seconds} s · ` +
-        `reward ${current.reward[frame.step].toFixed(3)} · ${distanceText(scenario, frame, current)}`;
+      readout.textContent = `Step ${frame.step} of ${steps}, ${seconds}\u00a0s: ` +
+        `reward ${current.reward[frame.step].toFixed(3)}, ${distanceText(scenario, frame, current)}.`;
     }
     function seek(to) {
       time = Math.min(Math.max(to, 0), steps);
@@ -122,11 +122,12 @@
     }
 
     const box = element("div", { class: "player" },
-      element("h4", {}, "Episodes"),
-      element("div", { class: "scene" }, stage, closeUp),
+      element("div", { class: "player-head" }, element("h4", {}, "Episodes"), episode),
+      stage,
       element("div", { class: "controls" }, play, step(-1, "‹", "One step back"), step(1, "›", "One step on"),
-        speed, element("span", { class: "push" }, episode)),
-      scrubber, readout, outcome);
+        speed),
+      scrubber,
+      element("div", { class: "below" }, closeUp, element("div", {}, readout, outcome)));
     return { box, start, pause, seek, draw, open: () => choose(0) };
   };
 })();
