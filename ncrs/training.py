@@ -132,7 +132,10 @@ class Trainer:
             with StopRequest() as stop:
                 self._loop(stop)
         finally:
-            lock.release()
+            try:
+                self._checkpoints.wait()
+            finally:
+                lock.release()
         return TrainingResult(
             run_dir=self._run_dir,
             generation=self._generation,
@@ -310,7 +313,8 @@ class Trainer:
         }
 
     def _save(self) -> None:
-        self._checkpoints.save(self._generation, self._state())
+        # The checkpoint in the background: at full covariance it is large.
+        self._checkpoints.save_in_background(self._generation, self._state())
         if self._champion is not None:
             self._champion.save(self._run_dir / CHAMPION_FILE)
         elites = EliteArchive(self._config.task, self._archive, self._config.runs)

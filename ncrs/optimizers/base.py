@@ -171,6 +171,7 @@ _TRIAL_DIMENSION = 100
 OPTIMIZERS: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "cma_es": ("ncrs.optimizers.cma_es", "CMAES", {"diagonal": False}),
     "sep_cma_es": ("ncrs.optimizers.cma_es", "CMAES", {"diagonal": True}),
+    "iso_cma_es": ("ncrs.optimizers.cma_es", "IsotropicCMAES", {}),
     "cma_me": ("ncrs.optimizers.cma_me", "CMAME", {}),
     "cma_mae": ("ncrs.optimizers.cma_mae", "CMAMAE", {}),
     "map_elites": ("ncrs.optimizers.map_elites", "MAPElites", {}),

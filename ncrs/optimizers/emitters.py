@@ -51,6 +51,9 @@ class EmitterOptimizer(QDOptimizer):
             )
             for index in range(emitters)
         ]
+        # Each emitter's state since its last turn, taken then, so that a checkpoint has not to
+        # copy all of them in one generation.
+        self._kept: list[State | None] = [None] * emitters
         self._turn = 0
         self._idle = [0] * emitters
         self._restarts = 0
@@ -90,19 +93,29 @@ class EmitterOptimizer(QDOptimizer):
             self._emitters[turn].restart(self._archive.draw(self._generator, 1)[0])
             self._idle[turn] = 0
             self._restarts += 1
+        self._kept[turn] = self._emitters[turn].state()
         self._turn = (turn + 1) % len(self._emitters)
+
+    def _emitter_state(self, index: int) -> State:
+        if self._asked is not None and index == self._turn:
+            return self._emitters[index].state()
+        kept = self._kept[index]
+        if kept is None:
+            kept = self._kept[index] = self._emitters[index].state()
+        return kept
 
     def _state(self) -> State:
         return {
             "turn": self._turn,
             "idle": list(self._idle),
             "restarts": self._restarts,
-            "emitters": [emitter.state() for emitter in self._emitters],
+            "emitters": [self._emitter_state(index) for index in range(len(self._emitters))],
         }
 
     def _load_state(self, state: Mapping[str, Any]) -> None:
         for emitter, its_state in zip(self._emitters, state["emitters"], strict=True):
             emitter.load_state(its_state)
+        self._kept = [None] * len(self._emitters)
         self._turn = state["turn"]
         self._idle = list(state["idle"])
         self._restarts = state["restarts"]
