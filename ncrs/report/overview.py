@@ -68,11 +68,15 @@ def task_title(task: Task) -> str:
 
 def channel_names(layout: NCALayout) -> list[str]:
     """A name for each channel of the NCA, in order."""
-    parts = [Cell(code).name.lower().replace("_", " ") for code in layout.part_codes]
-    hidden = [
-        f"hidden {index + 1}" for index in range(layout.io_channel - layout.part_channels.stop)
+    parts = [_cell_name(Cell(code), layout.task) for code in layout.part_codes]
+    hidden = range(layout.io_channel - layout.part_channels.stop)
+    return [
+        "body",
+        "control flag",
+        *parts,
+        *(f"hidden {index + 1}" for index in hidden),
+        "input/output",
     ]
-    return ["body", "control flag", *parts, *hidden, "input/output"]
 
 
 def _last(curves: Mapping[str, Curve], tag: str) -> float | None:

@@ -48,6 +48,12 @@
     const between = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]).toFixed(1);
     const at = (values) => [values[2 * frame.step], values[2 * frame.step + 1]];
     const robot = at(episode.position);
+    const { extent, wallExtent } = NCRSReport.overview.world;
+    const isOutside = Math.max(...robot.map(Math.abs)) > wallExtent * extent;
+    return distances(scenario, robot, at, episode, between) + (isOutside ? ", outside the picture" : "");
+  }
+
+  function distances(scenario, robot, at, episode, between) {
     if (!episode.ball) return `${between(robot, scenario.light)} units from the light`;
     const ball = at(episode.ball);
     return `${between(robot, ball)} units from the ball, ball ${between(ball, scenario.target)} from the target`;

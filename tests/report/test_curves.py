@@ -1,0 +1,60 @@
+"""Curves from a table and from TensorBoard files are the same."""
+
+import numpy as np
+import pytest
+from torch.utils.tensorboard import SummaryWriter
+
+from ncrs.report.curves import Curve, load_curves
+from ncrs.report.robots import ReportError
+
+
+@pytest.fixture
+def points():
+    return {generation: 0.1 * generation**0.5 for generation in range(12)}
+
+
+def test_table_and_event_files_agree(tmp_path, points):
+    events, table = tmp_path / "events", tmp_path / "table"
+    table.mkdir()
+    with SummaryWriter(str(events)) as writer:
+        for generation, value in points.items():
+            writer.add_scalar("fitness/best", value, generation)
+            if generation % 4 == 3:
+                writer.add_scalar("champion/fitness", 2 * value, generation)
+            writer.add_text("notes", "no curve", generation)
+    rows = ["generation,fitness/best,champion/fitness"]
+    rows += [f"{g},{v},{2 * v if g % 4 == 3 else ''}" for g, v in points.items()]
+    (table / "metrics.csv").write_text("\n".join(rows) + "\n")
+    logged, read = load_curves(events), load_curves(table)
+    assert set(logged) == set(read) == {"fitness/best", "champion/fitness"}
+    for tag, curve in read.items():
+        np.testing.assert_array_equal(logged[tag].generations, curve.generations)
+        np.testing.assert_allclose(logged[tag].values, curve.values, rtol=1e-6)
+    assert read["champion/fitness"].generations.tolist() == [3, 7, 11]
+
+
+def test_generation_done_again_after_resuming_counts_once(tmp_path):
+    text = "generation,fitness/best\n0,0.1\n1,0.2\n1,0.3\n2,nan\n"
+    (tmp_path / "metrics.csv").write_text(text)
+    curve = load_curves(tmp_path)["fitness/best"]
+    assert curve.generations.tolist() == [0, 1]
+    assert curve.values.tolist() == [0.1, 0.3]
+
+
+def test_no_logs_are_no_curves(tmp_path):
+    assert load_curves(tmp_path) == {}
+
+
+def test_damaged_table_is_refused(tmp_path):
+    (tmp_path / "metrics.csv").write_text("generation,fitness/best\n0,0.1\n1,zero\n")
+    with pytest.raises(ReportError, match="table of numbers"):
+        load_curves(tmp_path)
+
+
+def test_thinning_keeps_the_ends():
+    curve = Curve(np.arange(1000), np.linspace(0.0, 1.0, 1000))
+    thin = curve.thinned(10)
+    assert len(thin.values) == len(thin.generations) == 10
+    assert thin.generations[[0, -1]].tolist() == [0, 999]
+    np.testing.assert_array_equal(thin.values, curve.values[thin.generations])
+    assert curve.thinned(1000) is curve
