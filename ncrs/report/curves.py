@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,10 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.report.robots import ReportError
+from ncrs.metrics import GENERATION, METRICS_FILE, read_metrics
 
-METRICS_FILE = "metrics.csv"
-GENERATION_COLUMN = "generation"
 EVENT_FILES = "events.out.tfevents.*"
 MOST_POINTS = 400
 """Points of a curve that are drawn."""
@@ -40,11 +37,15 @@ def load_curves(run_dir: Path) -> dict[str, Curve]:
     """All scalar curves of a run by TensorBoard's tags; none if nothing was logged.
 
     Raises:
-        ReportError: a table of metrics that cannot be read.
+        ConfigError: a table of metrics that cannot be read.
     """
-    table = run_dir / METRICS_FILE
-    if table.is_file():
-        return _from_table(table)
+    if (run_dir / METRICS_FILE).is_file():
+        table = read_metrics(run_dir)
+        generations = table.pop(GENERATION).astype(int).tolist()
+        return {
+            tag: _curve(dict(zip(generations, values.tolist(), strict=True)))
+            for tag, values in table.items()
+        }
     if any(run_dir.glob(EVENT_FILES)):
         return _from_events(run_dir)
     return {}
@@ -57,23 +58,6 @@ def _curve(points: Mapping[int, float]) -> Curve:
         np.array([generation for generation, _ in kept], dtype=np.int64),
         np.array([value for _, value in kept], dtype=np.float64),
     )
-
-
-def _from_table(path: Path) -> dict[str, Curve]:
-    with path.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    points: dict[str, dict[int, float]] = {}
-    try:
-        for row in rows:
-            generation = int(row[GENERATION_COLUMN])
-            for tag, text in row.items():
-                if tag != GENERATION_COLUMN and text:
-                    points.setdefault(tag, {})[generation] = float(text)
-    except (KeyError, TypeError, ValueError) as error:
-        raise ReportError(
-            f"{path} must be a table of numbers with a column {GENERATION_COLUMN!r}: {error!r}."
-        ) from error
-    return {tag: _curve(values) for tag, values in points.items()}
 
 
 def _from_events(run_dir: Path) -> dict[str, Curve]:

@@ -203,10 +203,3 @@ def test_nothing_but_a_report_is_written_over(run_dir, tmp_path, capsys):
         assert (page / "index.html").is_file()
     assert "with growth and episodes" in capsys.readouterr().out
     assert sorted(path.name for path in tmp_path.iterdir()) == ["page", "precious"]
-
-
-def test_metrics_that_are_no_table_are_refused(tmp_path, small_run):
-    run = small_run(tmp_path / "run", elites=2)
-    (run / "metrics.csv").write_text("step,fitness/best\n0,high\n")
-    with pytest.raises(ReportError, match="column 'generation'"):
-        build_report(run)

@@ -5,7 +5,7 @@ import pytest
 from torch.utils.tensorboard import SummaryWriter
 
 from ncrs.report.curves import Curve, load_curves
-from ncrs.report.robots import ReportError
+from ncrs.settings import ConfigError
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def test_no_logs_are_no_curves(tmp_path):
 
 def test_damaged_table_is_refused(tmp_path):
     (tmp_path / "metrics.csv").write_text("generation,fitness/best\n0,0.1\n1,zero\n")
-    with pytest.raises(ReportError, match="table of numbers"):
+    with pytest.raises(ConfigError, match="no table of numbers"):
         load_curves(tmp_path)
 
 
