@@ -163,6 +163,11 @@ class CheckpointFolder:
         )
         self._writer.start()
 
+    @property
+    def is_writing(self) -> bool:
+        """Whether a background save is still under way."""
+        return self._writer is not None and self._writer.is_alive()
+
     def wait(self) -> None:
         """Return when nothing is being written; raise what the last background save raised."""
         if self._writer is not None:

@@ -209,7 +209,9 @@ class Trainer:
                     log.generation(generation, metrics, self._best_fitness)
                     log.population(generation, evaluation.fitness, genomes, self._archive)
                 self._seconds = perf_counter() - started_at
-                if perf_counter() - saved_at >= config.checkpoint_seconds or self._is_last:
+                is_due = perf_counter() - saved_at >= config.checkpoint_seconds
+                # One that is still being written is not waited for: the next comes later instead.
+                if (is_due and not self._checkpoints.is_writing) or self._is_last:
                     with self._timer.phase("checkpoint"):
                         self._save()
                     saved_at = perf_counter()

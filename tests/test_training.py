@@ -132,9 +132,11 @@ def start(run_dir):
 
 
 def wait_for_checkpoint(run_dir, generation, process):
-    path = run_dir / "checkpoints" / f"generation_{generation:08d}.npz"
+    """Wait for the checkpoint of that generation or a later one."""
+    name = f"generation_{generation:08d}.npz"
+    folder = CheckpointFolder(run_dir / "checkpoints")
     deadline = time.monotonic() + 60
-    while not path.exists():
+    while not any(path.name >= name for path in folder.paths()):
         assert process.poll() is None, process.stdout.read()
         assert time.monotonic() < deadline
         time.sleep(0.005)
