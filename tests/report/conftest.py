@@ -17,13 +17,14 @@ from ncrs_envs.tasks import default_body
 EPISODES = 2
 
 
-def make_run(folder, task="light_chase", elites=45, with_champion=True):
+def make_run(folder, task="light_chase", elites=45, with_champion=True, grid_size=5):
     """A run with random genomes on bodies that differ in their number of wheels and sensors.
 
     The bodies are not those that the genomes grow, which a report must not mind.
     """
     config = TrainConfig()
     config.task.name = task
+    config.task.grid_size = grid_size
     settings = config.task_settings()
     rng = np.random.default_rng(7)
     archive = make_archive(settings)

@@ -399,9 +399,10 @@ def test_missing_data_file_is_said(page, tmp_path):
     page.driver.get_log("browser")
 
 
-@pytest.mark.parametrize("task", ["obstacle", "carry_ball"])
-def test_page_of_a_champion_alone(chromium, small_run, tmp_path, task):
-    report = build_report(small_run(tmp_path / "run", task, elites=0), episodes=1)
+@pytest.mark.parametrize(("task", "grid_size"), [("obstacle", 5), ("carry_ball", 7)])
+def test_page_of_a_champion_alone(chromium, small_run, tmp_path, task, grid_size):
+    run = small_run(tmp_path / "run", task, elites=0, grid_size=grid_size)
+    report = build_report(run, episodes=1)
     page = Page(chromium, report.page.resolve())
     chromium.get_log("browser")
     page.open()
@@ -411,3 +412,16 @@ def test_page_of_a_champion_alone(chromium, small_run, tmp_path, task):
     page.click(page.find(".play"))
     page.wait(lambda: int(page.find(".scrubber").get_property("value")) > 3)
     assert chromium.get_log("browser") == []
+
+
+def test_elites_without_records_show_their_numbers(chromium, run_dir, archive, tmp_path):
+    report = build_report(run_dir, tmp_path / "page", elites="champion", episodes=1)
+    page = Page(chromium, report.page.resolve())
+    page.open()
+    page.click(page.cell(archive.features[4]))
+    page.wait(lambda: "not in this report" in page.find(".card").text)
+    assert page.find(".card [data-field=fitness]").text == expected(archive, 4)[1]["fitness"]
+    assert page.all(".play, .download-npy") == []
+    page.click(page.find("#show-champion"))
+    page.wait(lambda: page.all(".play"))
+    assert page.find(".card [data-field=fitness]").text == "0.5123"
