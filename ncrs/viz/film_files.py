@@ -15,7 +15,7 @@ from ncrs.viz.runs import VizError
 
 _GIF_WIDTH = 540
 _GIF_FPS = 12.5
-_GIF_COLORS = 96
+_GIF_COLORS = 160
 
 
 class FilmWriter(ABC):

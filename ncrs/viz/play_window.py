@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 from ncrs.threads import one_torch_thread
@@ -12,6 +13,8 @@ from ncrs_envs.body import Cell
 from ncrs_envs.physics import DT
 
 FPS = 25
+_UNSEEN_DRIVERS = ("dummy", "offscreen", "evdev")
+_DRIVER_VARIABLE = "SDL_VIDEODRIVER"
 SPEEDS = (0.125, 0.25, 0.5, 1.0)
 DEFAULT_SPEED = 0.25
 _MOST_STEPS = 5
@@ -30,6 +33,7 @@ class PlayWindow:
     """
 
     def __init__(self, session: PlaySession, title: str = "evolved") -> None:
+        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
         import pygame
 
         self._pygame: Any = pygame
@@ -45,6 +49,11 @@ class PlayWindow:
         try:
             pygame.display.init()
             pygame.display.set_caption("ncrs play")
+            driver = pygame.display.get_driver()
+            # Without a screen SDL takes one of these by itself, and nobody could close the window.
+            if driver in _UNSEEN_DRIVERS and _DRIVER_VARIABLE not in os.environ:
+                pygame.display.quit()
+                raise pygame.error(f"only the {driver} driver works")
             self._screen = pygame.display.set_mode(self._layout.size)
         except pygame.error as error:
             raise VizError(

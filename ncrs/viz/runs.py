@@ -15,6 +15,9 @@ from ncrs.metrics import METRICS_FILE, read_metrics
 from ncrs.settings import SETTINGS_FILE, TrainConfig, load_config
 from ncrs_envs.tasks import TASKS
 
+_SWEEP_DEPTHS = ("*/", "*/*/")
+"""Where runs lie in the folder of a sweep, or of several sweeps."""
+
 
 class VizError(ValueError):
     """Nothing to look at: no run, nothing found by it yet, or a package or encoder is missing."""
@@ -87,7 +90,8 @@ def find_runs(paths: Sequence[Path]) -> list[Run]:
         if (path / SETTINGS_FILE).is_file():
             found = [path]
         else:
-            found = sorted(file.parent for file in path.rglob(SETTINGS_FILE))
+            files = [file for depth in _SWEEP_DEPTHS for file in path.glob(depth + SETTINGS_FILE)]
+            found = sorted(file.parent for file in files)
         if not found:
             raise VizError(
                 f"{path} holds no run: there is no {SETTINGS_FILE} in it, nor in its folders."

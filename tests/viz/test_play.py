@@ -1,7 +1,5 @@
 """Playing: the session alone, then the window with posted events and no screen."""
 
-import os
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from ncrs.viz.play_session import PlaySession, steering
 from ncrs.viz.play_view import draw_play, layout_of
 from ncrs.viz.play_window import DEFAULT_SPEED, PlayWindow
 from ncrs.viz.robots import load_robot
+from ncrs.viz.runs import VizError
 from ncrs_envs.body import BodyError, Cell, parse_body
 from ncrs_envs.tasks import CARRY_BALL, LIGHT_CHASE, default_body
 
@@ -201,4 +200,11 @@ def test_bad_input_is_one_sentence(capsys, tmp_path, monkeypatch):
             main(["play", *arguments])
         assert caught.value.code == 2
         assert message in capsys.readouterr().err
-    assert os.environ["SDL_VIDEODRIVER"] == "none_such"
+
+
+def test_no_window_opens_where_nobody_could_see_it(session, pygame, monkeypatch):
+    pygame.display.init()
+    monkeypatch.delenv("SDL_VIDEODRIVER")
+    monkeypatch.setattr(pygame.display, "init", lambda: None)  # the dummy driver is running
+    with pytest.raises(VizError, match="only the dummy driver"):
+        PlayWindow(session)
