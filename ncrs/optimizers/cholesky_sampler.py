@@ -13,12 +13,12 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import cma.interfaces
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from ncrs.optimizers.base import OptimizerError
+from ncrs.optimizers.pycma import StatisticalModelSamplerWithZeroMeanBaseClass
 
 PRECISIONS: Mapping[str, torch.dtype] = {"float32": torch.float32, "float64": torch.float64}
 
@@ -46,7 +46,7 @@ def check_device(precision: str, device: str) -> None:
         ) from error
 
 
-class CholeskySampler(cma.interfaces.StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ignore[misc]
+class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ignore[misc]
     """Zero-mean normal distribution with a covariance that is learned. Starts at the identity.
 
     Vectors come and go as float64 numpy arrays; the two N x N matrices live on ``device`` in

@@ -11,13 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.optimizers.base import Fitness, Genomes, Optimizer, OptimizerError, State
+from ncrs.optimizers.pycma import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA, cma
 from ncrs.optimizers.pycma_state import capture, restore
-
-with warnings.catch_warnings():
-    # pycma warns on import about plotting packages that only its own figures need.
-    warnings.simplefilter("ignore")
-    import cma
-    from cma.sigma_adaptation import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA
 
 STEP_SIZES = {"csa": CMAAdaptSigmaCSA, "tpa": CMAAdaptSigmaTPA}
 RESTART_FROM = ("mean", "best")

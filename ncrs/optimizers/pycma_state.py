@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from cma.utilities.utils import ElapsedWCTime
+
+from ncrs.optimizers.pycma import ElapsedWCTime
 
 # Not state: options and what follows from them, logs, clocks, what the last call was given, and
 # pycma's copies of the sampler's matrices.
