@@ -32,6 +32,8 @@ ANIMATION_SHARE = 0.005
 """Shares of a run's time; together with the curves they stay under 2 %."""
 _HISTOGRAM_SECONDS, _STILLS_SECONDS, _ANIMATION_SECONDS = 0.01, 0.2, 1.5
 """What each is taken to cost before it was measured."""
+_LONG_RUN_SECONDS = 60.0
+"""A run of at least this length ends with an animation of its champion, whatever the share."""
 _BODY_PIXELS = 160
 _ANIMATION_PIXELS = 160
 _STRIP_BODIES = 10
@@ -74,6 +76,11 @@ class Budget:
     ) -> None:
         self._share, self._expected, self._clock = share, expected, clock
         self._start, self._spent = clock(), 0.0
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since this was made."""
+        return self._clock() - self._start
 
     def run(self, work: Callable[[], None], *, at_any_cost: bool = False) -> bool:
         """Do the work if its expected cost is within the share; returns whether it was done."""
@@ -125,7 +132,7 @@ class RunPictures:
             fitness: ``(P,)``; NaN is left out.
             genomes: ``(P, N)``.
             archive: after this generation.
-            last: draw the stills whatever the time.
+            last: draw the stills, and after a long run the animation, whatever the time.
         """
         if self._undrawn is not None:
             body = draw_body(self._undrawn.body, _BODY_PIXELS)
@@ -136,7 +143,10 @@ class RunPictures:
             self._stills.run(lambda: self._add_archive(index, archive), at_any_cost=last)
         if self._unmoved is not None:
             champion = self._unmoved
-            if self._animation.run(lambda: self._add_animation(index, champion)):
+            at_the_end = last and self._animation.elapsed >= _LONG_RUN_SECONDS
+            if self._animation.run(
+                lambda: self._add_animation(index, champion), at_any_cost=at_the_end
+            ):
                 self._unmoved = None
 
     def _add_histograms(

@@ -110,6 +110,18 @@ def test_pictures_and_histograms(tmp_path, champion, archive):
         assert image.width > 9 * 96
 
 
+@pytest.mark.parametrize(("seconds", "animations"), [(59.0, 0), (60.0, 1)])
+def test_a_run_of_a_minute_ends_with_an_animation(tmp_path, champion, archive, seconds, animations):
+    clock = Clock()
+    with SummaryWriter(str(tmp_path)) as writer:
+        pictures = RunPictures(writer, clock)
+        pictures.champion(champion)
+        clock.now += seconds
+        pictures.generation(0, np.array([0.3]), champion.genome[None], archive, last=True)
+    tags = read(tmp_path).Tags()["images"]
+    assert ("champion/growth_and_episode" in tags) == bool(animations)
+
+
 def test_settings_are_hyperparameters_of_the_run_itself(tmp_path):
     with SummaryWriter(str(tmp_path)) as writer:
         add_settings(writer, TrainConfig(seed=5))
