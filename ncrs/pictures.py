@@ -13,10 +13,11 @@ from PIL import Image
 from ncrs.champion import Champion
 from ncrs.recording import record_episodes, record_growth
 from ncrs_envs.rendering import MIN_RENDER_SIZE, check_render_size, draw_body, draw_scene
+from ncrs_envs.tasks import REGIONS
 
 BODY_FILE = "body.png"
-STORY_FILE = "growth_and_episode.png"
-EPISODE_FILE = "episode.gif"
+STORY_FILE = "growth_and_episodes.png"
+EPISODES_FILE = "episodes.gif"
 DEFAULT_SIZE = 400
 _STEPS_PER_FRAME = 2
 _FRAME_MS = 40
@@ -25,33 +26,39 @@ _LAST_FRAME_MS = 1500
 _GROWTH_FRAME_MS = 200
 _COLORS = 128
 _BODIES = 10
-_SCENES = 4
 
 Frame = NDArray[np.uint8]
 
 
-def episode_frames(champion: Champion, *, seed: int = 0, size: int = DEFAULT_SIZE) -> list[Frame]:
-    """Drive the champion through one Box2D episode and draw every second step.
+def episode_frames(
+    champion: Champion, *, episodes: int = 1, seed: int = 0, size: int = DEFAULT_SIZE
+) -> list[list[Frame]]:
+    """Drive the champion through Box2D episodes and draw every second step.
 
     Args:
         champion: genome, body and task.
-        seed: of the episode.
+        episodes: how many; regions take turns.
+        seed: of the episodes.
         size: side of a frame in pixels.
 
     Returns:
-        RGB frames, uint8 ``(size, size, 3)``, the first of the start.
+        For each episode RGB frames, uint8 ``(size, size, 3)``, from the start to the end.
 
     Raises:
         RenderError: a size that cannot be drawn.
     """
     check_render_size(size)
-    recording = record_episodes(champion, 1, seed)[0]
-    last = len(recording.scenes) - 1
-    return [
-        draw_scene(scene, size)
-        for step, scene in enumerate(recording.scenes)
-        if step % _STEPS_PER_FRAME == 0 or step == last
-    ]
+    drawn = []
+    for recording in record_episodes(champion, episodes, seed):
+        last = len(recording.scenes) - 1
+        drawn.append(
+            [
+                draw_scene(scene, size)
+                for step, scene in enumerate(recording.scenes)
+                if step % _STEPS_PER_FRAME == 0 or step == last
+            ]
+        )
+    return drawn
 
 
 def encode_animation(frames: Sequence[Frame], durations: Sequence[int]) -> bytes:
@@ -69,37 +76,32 @@ def encode_animation(frames: Sequence[Frame], durations: Sequence[int]) -> bytes
     return stream.getvalue()
 
 
-def save_animation(frames: Sequence[Frame], path: Path) -> None:
-    """Write frames as a GIF that repeats, in real time, pausing on the last."""
-    durations = [_FRAME_MS] * (len(frames) - 1) + [_LAST_FRAME_MS]
-    path.write_bytes(encode_animation(frames, durations))
+def _durations(episode: Sequence[Frame]) -> list[int]:
+    """Real time, pausing on the last frame."""
+    return [_FRAME_MS] * (len(episode) - 1) + [_LAST_FRAME_MS]
 
 
 def growth_and_episode(champion: Champion, size: int) -> tuple[list[Frame], list[int]]:
     """Frames of the growth and of one episode, and how long to show each, in milliseconds."""
     bodies = [draw_body(body, size) for body in record_growth(champion).bodies]
-    episode = episode_frames(champion, size=size)
-    durations = [_GROWTH_FRAME_MS] * len(bodies) + [_FRAME_MS] * (len(episode) - 1)
-    return bodies + episode, [*durations, _LAST_FRAME_MS]
+    episode = episode_frames(champion, size=size)[0]
+    return bodies + episode, [_GROWTH_FRAME_MS] * len(bodies) + _durations(episode)
 
 
-def story(champion: Champion, frames: list[Frame]) -> Frame:
-    """Growth from the seed cell above, an episode below, each from left to right.
+def story(champion: Champion, ends: Sequence[Frame]) -> Frame:
+    """Growth from the seed cell above, the ends of episodes below, each from left to right.
 
     Args:
         champion: whose growth is shown.
-        frames: of an episode, RGB, uint8 ``(size, size, 3)``.
+        ends: last frame of each episode, E times RGB, uint8 ``(size, size, 3)``.
 
     Returns:
-        RGB, uint8 ``(height, _SCENES * size, 3)``.
+        RGB, uint8 ``(height, E * size, 3)``.
     """
     grown = record_growth(champion).bodies
     steps = np.linspace(0, len(grown) - 1, min(_BODIES, len(grown))).round().astype(int)
     bodies = grown[steps]
-    chosen = [
-        frames[index] for index in np.linspace(0, len(frames) - 1, _SCENES).round().astype(int)
-    ]
-    below = np.concatenate(chosen, axis=1)
+    below = np.concatenate(ends, axis=1)
     width = below.shape[1]
     side = width // len(bodies)
     above = np.empty((side, width, 3), dtype=np.uint8)
@@ -114,12 +116,14 @@ def story(champion: Champion, frames: list[Frame]) -> Frame:
 def save_pictures(
     champion: Champion, folder: Path, *, seed: int = 0, size: int = DEFAULT_SIZE
 ) -> list[Path]:
-    """Draw body, growth and an episode into a folder; returns the paths of the files."""
-    body_path, story_path, episode_path = (
-        folder / name for name in (BODY_FILE, STORY_FILE, EPISODE_FILE)
+    """Draw body, growth and an episode in each region into a folder; returns the files' paths."""
+    body_path, story_path, episodes_path = (
+        folder / name for name in (BODY_FILE, STORY_FILE, EPISODES_FILE)
     )
-    frames = episode_frames(champion, seed=seed, size=size)
+    episodes = episode_frames(champion, episodes=REGIONS, seed=seed, size=size)
     Image.fromarray(draw_body(champion.body, size)).save(body_path)
-    Image.fromarray(story(champion, frames)).save(story_path)
-    save_animation(frames, episode_path)
-    return [body_path, story_path, episode_path]
+    Image.fromarray(story(champion, [episode[-1] for episode in episodes])).save(story_path)
+    frames = [frame for episode in episodes for frame in episode]
+    durations = [duration for episode in episodes for duration in _durations(episode)]
+    episodes_path.write_bytes(encode_animation(frames, durations))
+    return [body_path, story_path, episodes_path]

@@ -74,8 +74,8 @@ def test_the_task_settings_travel_with_the_champion(champion):
 
 
 def test_frames_show_an_episode(champion):
-    frames = episode_frames(champion, seed=1, size=96)
-    assert len(frames) == 51
+    frames, other = episode_frames(champion, episodes=2, seed=1, size=96)
+    assert len(frames) == len(other) == 51
     assert frames[0].shape == (96, 96, 3)
     assert np.abs(frames[0].astype(int) - frames[-1]).max() > 50
     with pytest.raises(RenderError):
@@ -96,10 +96,10 @@ def test_render_command(run_dir, capsys):
     main(["render", str(run_dir), "--size", "96"])
     with Image.open(run_dir / "body.png") as picture:
         assert picture.size == (96, 96)
-    with Image.open(run_dir / "episode.gif") as animation:
-        assert animation.n_frames > 20
+    with Image.open(run_dir / "episodes.gif") as animation:
+        assert animation.n_frames > 80
         assert animation.size == (96, 96)
-    assert "episode.gif" in capsys.readouterr().out
+    assert "episodes.gif" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
