@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 from typing import Any
 
 import gymnasium
@@ -21,6 +20,7 @@ import ncrs_envs  # noqa: F401 - registers the environments
 from benchmarks.workload import (
     POPULATION,
     gemm_gflops,
+    median_seconds,
     nca_flops_per_step,
     nearly_full_genomes,
     rollout_speed,
@@ -38,18 +38,22 @@ _VECTOR_STEPS = 250
 """Two and a half episodes, so that resets count."""
 
 
-def vector_speed(task: str, envs: int = _VECTOR_ENVS, steps: int = _VECTOR_STEPS) -> float:
-    """Environment steps per second of ``make_vec`` with fixed random actions."""
+def vector_speed(
+    task: str, repeats: int, envs: int = _VECTOR_ENVS, steps: int = _VECTOR_STEPS
+) -> float:
+    """Environment steps per second of ``make_vec`` with fixed random actions, median."""
     vector = gymnasium.make_vec(TASKS[task].env_id, num_envs=envs)
     vector.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-1, 1, vector.action_space.shape)
     actions = actions.astype(np.float32)
     for _ in range(3):
         vector.step(actions)
-    start = time.perf_counter()
-    for _ in range(steps):
-        vector.step(actions)
-    seconds = time.perf_counter() - start
+
+    def run() -> None:
+        for _ in range(steps):
+            vector.step(actions)
+
+    seconds = median_seconds(run, repeats)
     vector.close()
     return envs * steps / seconds
 
@@ -64,7 +68,7 @@ def measure(repeats: int) -> dict[str, Any]:
         for engine in sorted(ENGINES):
             chosen = genomes[:_BOX2D_GENOMES] if engine == "box2d" else genomes
             result[engine][task] = rollout_speed(engine, task, chosen, repeats=repeats)
-        result["vector"][task] = vector_speed(task)
+        result["vector"][task] = vector_speed(task, repeats)
     return result
 
 
