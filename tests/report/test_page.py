@@ -9,94 +9,22 @@ import pytest
 
 from ncrs.elites import load_archive
 from ncrs.report import build_report
+from tests.report.browser import CHROMIUM, DRIVER, Page, start_chromium
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+from selenium.webdriver.common.keys import Keys  # isort: skip
+from selenium.webdriver.support.select import Select  # isort: skip
 
-from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.select import Select  # noqa: E402
-from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
-
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
 pytestmark = pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None,
     reason="Chromium or its driver is not installed (Debian: chromium chromium-driver)",
 )
-ARGUMENTS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-dev-shm-usage",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
-WAIT_S = 30
 
 
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory):
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for argument in (*ARGUMENTS, f"--user-data-dir={tmp_path_factory.mktemp('chromium')}"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
+    driver = start_chromium(tmp_path_factory.mktemp("chromium"))
     yield driver
     driver.quit()
-
-
-class Page:
-    """The report in the browser."""
-
-    def __init__(self, driver, path):
-        self.driver = driver
-        self.path = path
-
-    def open(self, width=1440, height=900, fragment=""):
-        self.driver.get("about:blank")
-        self.driver.execute_cdp_cmd(
-            "Emulation.setDeviceMetricsOverride",
-            {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600},
-        )
-        self.driver.get(self.path.as_uri() + fragment)
-        self.wait(lambda: self.js("return document.body.dataset.ready === 'true'"))
-
-    def js(self, script, *arguments):
-        return self.driver.execute_script(script, *arguments)
-
-    def wait(self, condition):
-        WebDriverWait(self.driver, WAIT_S, 0.05).until(lambda _: condition())
-
-    def find(self, css):
-        return self.driver.find_element(By.CSS_SELECTOR, css)
-
-    def all(self, css):
-        return self.driver.find_elements(By.CSS_SELECTOR, css)
-
-    def cell(self, features):
-        return self.find(f'[data-features="{"-".join(map(str, features))}"]')
-
-    def click(self, element):
-        self.js("arguments[0].scrollIntoView({block: 'center'})", element)
-        ActionChains(self.driver).move_to_element(element).click().perform()
-
-    def press(self, *keys):
-        ActionChains(self.driver).send_keys(*keys).perform()
-
-    def shown(self, place=0):
-        """Title and numbers of a card that is complete."""
-        self.wait(lambda: len(self.all(".card[data-ready]")) > place)
-        card = self.all(".card")[place]
-        fields = {
-            field.get_attribute("data-field"): field.text
-            for field in card.find_elements(By.CSS_SELECTOR, "[data-field]")
-        }
-        return card.find_element(By.TAG_NAME, "h3").text, fields
 
 
 @pytest.fixture

@@ -1,0 +1,104 @@
+"""A report in headless Chromium, for the tests of the page."""
+
+import shutil
+import time
+
+import pytest
+
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+
+from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
+from selenium.webdriver.common.by import By  # noqa: E402
+from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+DRIVER = shutil.which("chromedriver")
+ARGUMENTS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+WAIT_S = 30
+SETTLE_S = 0.1
+# Scrolls to an element; its centre, or null while something else is there.
+_PLACE = """
+const element = arguments[0];
+element.scrollIntoView({block: 'center', behavior: 'instant'});
+const box = element.getBoundingClientRect();
+const x = box.x + box.width / 2, y = box.y + box.height / 2;
+const there = document.elementFromPoint(x, y);
+return there && (element.contains(there) || there.contains(element)) ? [x, y, scrollY] : null;
+"""
+
+
+def start_chromium(profile):
+    """A driver that keeps the browser's and the network's logs."""
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in (*ARGUMENTS, f"--user-data-dir={profile}"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    return webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
+
+
+class Page:
+    """The report in the browser."""
+
+    def __init__(self, driver, path):
+        self.driver = driver
+        self.path = path
+
+    def open(self, width=1440, height=900, fragment=""):
+        self.driver.get("about:blank")
+        self.driver.execute_cdp_cmd(
+            "Emulation.setDeviceMetricsOverride",
+            {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600},
+        )
+        self.driver.get(self.path.as_uri() + fragment)
+        self.wait(lambda: self.js("return document.body.dataset.ready === 'true'"))
+
+    def js(self, script, *arguments):
+        return self.driver.execute_script(script, *arguments)
+
+    def wait(self, condition):
+        WebDriverWait(self.driver, WAIT_S, 0.05).until(lambda _: condition())
+
+    def find(self, css):
+        return self.driver.find_element(By.CSS_SELECTOR, css)
+
+    def all(self, css):
+        return self.driver.find_elements(By.CSS_SELECTOR, css)
+
+    def cell(self, features):
+        return self.find(f'[data-features="{"-".join(map(str, features))}"]')
+
+    def click(self, element):
+        self.wait(lambda: self._is_settled(element))
+        ActionChains(self.driver).move_to_element(element).click().perform()
+
+    def _is_settled(self, element):
+        """Whether the element rests in view, uncovered: what loads late moves the page."""
+        places = []
+        for _ in range(2):
+            places.append(self.js(_PLACE, element))
+            time.sleep(SETTLE_S)
+        return places[0] is not None and places[0] == places[1]
+
+    def press(self, *keys):
+        ActionChains(self.driver).send_keys(*keys).perform()
+
+    def shown(self, place=0):
+        """Title and numbers of a card that is complete."""
+        self.wait(lambda: len(self.all(".card[data-ready]")) > place)
+        card = self.all(".card")[place]
+        fields = {
+            field.get_attribute("data-field"): field.text
+            for field in card.find_elements(By.CSS_SELECTOR, "[data-field]")
+        }
+        return card.find_element(By.TAG_NAME, "h3").text, fields
