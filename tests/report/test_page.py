@@ -254,7 +254,8 @@ def test_nothing_is_fetched_from_elsewhere_and_data_only_when_needed(page, archi
     names = [url.rsplit("/", 1)[1] for url in later if "/data/" in url]
     assert names == ["robots-0.js", "genomes-2.js"]
     folder = page.path.parent.as_uri()
-    local = (folder, "data:", "about:", "blob:")
+    # The browser's own new tab page may still be loading when the first test begins.
+    local = (folder, "data:", "about:", "blob:", "chrome://")
     assert [url for url in opening + later if not url.startswith(local)] == []
     assert page.js("return performance.getEntriesByType('resource').length") == 0
 
@@ -265,8 +266,9 @@ def test_nothing_is_cut_off_at_any_width(page, archive, width):
     page.shown()
     overflow = "return document.documentElement.scrollWidth - window.innerWidth"
     assert page.js(overflow) <= 0
-    page.click(page.find(".compare"))
-    page.click(page.cell(archive.features[8]))
+    # Real clicks have tests of their own; here only the layout matters.
+    page.js("arguments[0].click()", page.find(".compare"))
+    page.js("arguments[0].click()", page.cell(archive.features[8]))
     page.wait(lambda: len(page.all(".card[data-ready]")) == 2)
     assert page.js(overflow) <= 0
 
