@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ncrs.checkpoint import CheckpointError, read_state, write_state
 from ncrs.layout import NCALayout
 from ncrs.nca import NCA
-from ncrs.settings import ConfigError, TaskConfig
+from ncrs.settings import TaskConfig, run_file
 from ncrs_envs.body import parse_body
 from ncrs_envs.tasks import TaskSettings
 
@@ -72,14 +72,12 @@ def load_champion_file(path: str | Path) -> Champion:
         ConfigError: neither is there.
         CheckpointError: the file is damaged, or holds something else.
     """
-    path = Path(path)
-    if path.is_dir():
-        path = path / CHAMPION_FILE
-    if not path.is_file():
-        raise ConfigError(
-            f"{path} does not exist: give the folder of a run that has finished at least one "
-            "round of candidates, or a champion's file."
-        )
+    path = run_file(
+        path,
+        CHAMPION_FILE,
+        "give the folder of a run that has finished at least one round of candidates, or a "
+        "champion's file.",
+    )
     state = read_state(path)
     try:
         return Champion.from_state(state)

@@ -13,7 +13,7 @@ from ncrs.archive import NO_CELL, Archive, FeatureSpace
 from ncrs.checkpoint import CheckpointError, read_state, write_state
 from ncrs.layout import nca_layout
 from ncrs.nca import NCA
-from ncrs.settings import ConfigError, TaskConfig
+from ncrs.settings import TaskConfig, run_file
 from ncrs_envs.body import Cell, parse_body
 from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import Task, TaskSettings
@@ -140,14 +140,11 @@ def load_archive(path: str | Path) -> EliteArchive:
         ConfigError: neither is there.
         CheckpointError: the file is damaged, or holds something else.
     """
-    path = Path(path)
-    if path.is_dir():
-        path = path / ARCHIVE_FILE
-    if not path.is_file():
-        raise ConfigError(
-            f"{path} does not exist: give the folder of a run that has written a checkpoint, or an "
-            "archive's file."
-        )
+    path = run_file(
+        path,
+        ARCHIVE_FILE,
+        "give the folder of a run that has written a checkpoint, or an archive's file.",
+    )
     state = read_state(path)
     try:
         task = TaskConfig(**state["task"])

@@ -177,6 +177,20 @@ def config_from_dict(values: Mapping[str, Any]) -> TrainConfig:
     return TrainConfig(**arguments).check()
 
 
+def run_file(path: str | Path, name: str, hint: str) -> Path:
+    """The file of that name in a run's folder, or ``path`` itself where it is such a file.
+
+    Raises:
+        ConfigError: it does not exist; ``hint`` says what to give instead.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / name
+    if not path.is_file():
+        raise ConfigError(f"{path} does not exist: {hint}")
+    return path
+
+
 def save_config(config: TrainConfig, run_dir: Path) -> None:
     """Write a run's settings into its folder."""
     values = asdict(config)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,6 @@ import pytest
 
 from ncrs_envs.body import BodyGrid, Cell, parse_body
 from ncrs_envs.tasks import Task
-
-DATA = Path(__file__).parents[1] / "data"
 
 
 @pytest.fixture
@@ -33,17 +30,6 @@ def random_body(rng: np.random.Generator) -> Callable[..., BodyGrid]:
                 return parse_body(body)
 
     return draw
-
-
-@pytest.fixture
-def golden() -> Callable[[str], Any]:
-    """Loads recordings of the published implementation by file stem."""
-
-    def load(name: str) -> Any:
-        with np.load(DATA / f"{name}.npz", allow_pickle=False) as file:
-            return dict(file)
-
-    return load
 
 
 @pytest.fixture
