@@ -15,7 +15,8 @@ from ncrs.layout import nca_layout
 from ncrs.nca import NCA
 from ncrs.settings import TaskConfig, run_file
 from ncrs_envs.body import Cell, parse_body
-from ncrs_envs.scenario import Scenario, sample_scenarios
+from ncrs_envs.mirroring import Mirroring, check_mirroring, draw_scenarios
+from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import Task, TaskSettings
 
 ARCHIVE_FILE = "archive.npz"
@@ -59,6 +60,8 @@ class Elite:
     """Entropy, then spawn key, of its scenarios."""
     runs: int
     """Number of its scenarios."""
+    mirroring: Mirroring = "none"
+    """How they were drawn, see ``ncrs_envs.mirroring``."""
 
     @property
     def nca(self) -> NCA:
@@ -70,7 +73,9 @@ class Elite:
         """The scenarios in which it earned its fitness."""
         entropy, *key = self.evaluation_seed
         stream = np.random.SeedSequence(entropy, spawn_key=key)
-        return sample_scenarios(self.task.name, stream, self.runs, self.task.grid_size)
+        return draw_scenarios(
+            self.task.name, stream, self.runs, self.task.grid_size, self.mirroring
+        )
 
 
 @dataclass(frozen=True)
@@ -81,6 +86,8 @@ class EliteArchive:
     archive: Archive
     runs: int
     """Scenarios behind each elite's fitness."""
+    mirroring: Mirroring = "none"
+    """How they were drawn, see ``ncrs_envs.mirroring``."""
 
     def elite(self, features: Sequence[int]) -> Elite:
         """The elite with these features: sensors, wheels, cells.
@@ -112,6 +119,7 @@ class EliteArchive:
             generation=int(archive.column("generations")[index]),
             evaluation_seed=tuple(number for number in seed if number >= 0),
             runs=self.runs,
+            mirroring=self.mirroring,
         )
 
     def _missing(self, triple: tuple[int, int, int], *, possible: bool) -> str:
@@ -129,7 +137,12 @@ class EliteArchive:
 
     def save(self, path: Path) -> None:
         """Write to one file, atomically; ``load_archive`` reads it without pickle."""
-        state = {"task": asdict(self.task), "runs": self.runs, "archive": self.archive.state()}
+        state = {
+            "task": asdict(self.task),
+            "runs": self.runs,
+            "mirroring": self.mirroring,
+            "archive": self.archive.state(),
+        }
         write_state(path, state)
 
 
@@ -148,7 +161,13 @@ def load_archive(path: str | Path) -> EliteArchive:
     state = read_state(path)
     try:
         task = TaskConfig(**state["task"])
-        loaded = EliteArchive(task, Archive.from_state(state["archive"]), int(state["runs"]))
+        loaded = EliteArchive(
+            task,
+            Archive.from_state(state["archive"]),
+            int(state["runs"]),
+            # Archives written before there was a choice have none.
+            check_mirroring(state.get("mirroring", "none"), task.checked().task),
+        )
         expected = make_archive(task.checked())
     except (TypeError, KeyError, ValueError) as error:
         raise CheckpointError(f"{path} does not hold an archive: {error}") from error

@@ -79,6 +79,23 @@ class NCALayout:
         """Length of a genome: 4,572, or 4,873 for CarryBall."""
         return sum(int(np.prod(shape)) for shape in self.parameter_shapes)
 
+    def symmetric(self, genomes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The nearest genomes that treat left and right alike, float64 ``(P, num_parameters)``.
+
+        The left and the right column of each 3 x 3 kernel are replaced by their average; nothing
+        else in the network tells left from right. Such an automaton grows mirror-symmetric bodies
+        (up to ties and rounding), and steers by the difference of what its two sides sense.
+
+        Args:
+            genomes: ``(P, num_parameters)``; not changed.
+        """
+        size = int(np.prod(self.parameter_shapes[0]))
+        result = np.array(genomes, dtype=np.float64)
+        kernels = result[:, :size].reshape(-1, KERNEL_SIZE)
+        kernels[:] = 0.5 * (kernels + kernels[:, ::-1])
+        result[:, :size] = kernels.reshape(len(result), size)
+        return result
+
     def check_genomes(self, genomes: Any) -> NDArray[np.float32]:
         """Return genomes as a float32 array ``(P, num_parameters)``.
 

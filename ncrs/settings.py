@@ -16,6 +16,7 @@ from ncrs.checkpoint import write_json
 from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
 from ncrs.optimizers.base import check_settings
 from ncrs_envs.body import DEFAULT_GRID_SIZE
+from ncrs_envs.mirroring import check_mirroring
 from ncrs_envs.tasks import TaskSettings, task_settings
 
 SETTINGS_FILE = "config.json"
@@ -52,6 +53,8 @@ class OptimizerConfig:
     population: int | None = None
     told_popsize: bool | None = None
     step_size: str | None = None
+    sigma_decay: float | None = None
+    sigma_least: float | None = None
     restart_sigma: float | None = None
     restart_from: str | None = None
     linear_algebra: str | None = None
@@ -99,6 +102,10 @@ class TrainConfig:
     """Scenarios per evaluation."""
     common_scenarios: bool = True
     """Whether a generation's genomes share their scenarios (common random numbers)."""
+    mirroring: str = "none"
+    """"none", or whether scenarios come in mirror images: "all", or "front_back" in LightChase."""
+    symmetric: bool = False
+    """Search only automata that treat left and right alike."""
     champion_every: int = 10
     """Generations between two re-evaluations of the candidates for champion."""
     champion_runs: int = 48
@@ -117,7 +124,7 @@ class TrainConfig:
     def check(self) -> TrainConfig:
         """Return this if all values are in range, else raise ``ConfigError``."""
         try:
-            self.task_settings()
+            check_mirroring(self.mirroring, self.task_settings().task)
             check_settings(self.optimizer.name, self.optimizer.given())
             resolve_engine(self.engine.name)
             check_workers(self.engine.workers)

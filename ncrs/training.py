@@ -30,6 +30,7 @@ from ncrs.reestimation import reestimate, seed_row
 from ncrs.settings import ConfigError, TrainConfig, save_config
 from ncrs.signals import StopRequest
 from ncrs.standstill import standing_still_fitness
+from ncrs_envs.mirroring import check_mirroring, draw_scenarios
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 CHECKPOINT_FOLDER = "checkpoints"
@@ -86,11 +87,12 @@ class Trainer:
         self._config = config.check()
         self._run_dir = run_dir
         self._settings = config.task_settings()
-        dimension = nca_layout(self._settings.task).num_parameters
+        self._layout = nca_layout(self._settings.task)
+        self._mirroring = check_mirroring(config.mirroring, self._settings.task)
         try:
             self._optimizer = make_optimizer(
                 config.optimizer.name,
-                dimension,
+                self._layout.num_parameters,
                 self._stream(_OPTIMIZER_STREAM),
                 **config.optimizer.given(),
             )
@@ -181,7 +183,9 @@ class Trainer:
                     if self._is_time_to_reestimate:
                         with self._timer.phase("reestimate"):
                             stream = self._stream(_REESTIMATION_STREAM, self._generation)
-                            reestimate(self._archive, engine, stream, config.runs, stop)
+                            reestimate(
+                                self._archive, engine, stream, config.runs, stop, self._mirroring
+                            )
                     genomes, evaluation, added = self._evolve(engine, stop)
                 except EvaluationInterrupted:
                     break
@@ -233,7 +237,7 @@ class Trainer:
     def _evolve(self, engine: Engine, stop: StopRequest) -> tuple[Genomes, Evaluation, Additions]:
         """One generation: propose, evaluate, add to the archive, learn."""
         with self._timer.phase("ask"):
-            genomes = self._optimizer.ask()
+            genomes = self._searched(self._optimizer.ask())
         streams = self._scenario_streams(len(genomes))
         rows = [self._scenarios(stream) for stream in streams]
         with self._timer.phase("evaluate"):
@@ -266,7 +270,8 @@ class Trainer:
 
     def _scenarios(self, stream: np.random.SeedSequence) -> list[Scenario]:
         settings = self._settings
-        return sample_scenarios(settings.task, stream, self._config.runs, settings.grid_size)
+        runs, size = self._config.runs, settings.grid_size
+        return draw_scenarios(settings.task, stream, runs, size, self._mirroring)
 
     def _count(self, evaluation: Evaluation) -> None:
         self._evaluations += len(evaluation.fitness)
@@ -277,7 +282,12 @@ class Trainer:
         """The generation's best genome, and the search's mean or the archive's best elite: often
         those are better than a lucky draw."""
         best = genomes[int(np.nanargmax(evaluation.fitness))]
-        return np.stack([best, self._optimizer.mean])
+        return np.stack([best, self._searched(self._optimizer.mean[None])[0]])
+
+    def _searched(self, genomes: Genomes) -> Genomes:
+        """What the optimizer proposes, as it is evaluated: the nearest genomes that are searched
+        among."""
+        return self._layout.symmetric(genomes) if self._config.symmetric else genomes
 
     def _crown(self, candidates: Genomes, result: Evaluation) -> None:
         sources: Sequence[str] = ("sample", self._optimizer.candidate_source)
@@ -319,7 +329,7 @@ class Trainer:
         self._checkpoints.save_in_background(self._generation, self._state())
         if self._champion is not None:
             self._champion.save(self._run_dir / CHAMPION_FILE)
-        elites = EliteArchive(self._config.task, self._archive, self._config.runs)
+        elites = EliteArchive(self._config.task, self._archive, self._config.runs, self._mirroring)
         elites.save(self._run_dir / ARCHIVE_FILE)
 
     def _state(self) -> dict[str, Any]:

@@ -268,6 +268,20 @@ def sample_scenarios(
         ScenarioError: ``n`` is not a positive integer.
         TaskError: unknown task.
     """
+    return [
+        sample_scenario(task, stream, region=i % REGIONS, grid_size=grid_size)
+        for i, stream in enumerate(scenario_streams(seed, n))
+    ]
+
+
+def scenario_streams(
+    seed: int | Sequence[int] | np.random.SeedSequence, n: int, per_stream: int = 1
+) -> list[np.random.Generator]:
+    """Generators from one seed for ``n`` runs, each for ``per_stream`` of them.
+
+    Raises:
+        ScenarioError: ``n`` is not a positive integer.
+    """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
         raise ScenarioError(f"n must be a positive integer number of runs, got {n!r}.")
     # A SeedSequence counts the children it has spawned; a fresh one keeps this function pure.
@@ -275,8 +289,5 @@ def sample_scenarios(
         root = np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
     else:
         root = np.random.SeedSequence(seed)
-    streams = [np.random.Generator(np.random.PCG64(child)) for child in root.spawn(int(n))]
-    return [
-        sample_scenario(task, stream, region=i % REGIONS, grid_size=grid_size)
-        for i, stream in enumerate(streams)
-    ]
+    children = root.spawn(-(-int(n) // per_stream))
+    return [np.random.Generator(np.random.PCG64(child)) for child in children]

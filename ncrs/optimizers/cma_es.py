@@ -14,7 +14,10 @@ from ncrs.optimizers.base import Fitness, Genomes, Optimizer, OptimizerError, St
 from ncrs.optimizers.pycma import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA, cma
 from ncrs.optimizers.pycma_state import capture, restore
 
-STEP_SIZES = {"csa": CMAAdaptSigmaCSA, "tpa": CMAAdaptSigmaTPA}
+# "decay" keeps the path of "csa", from which pycma tells stalls, but not its step size.
+STEP_SIZES = {"csa": CMAAdaptSigmaCSA, "tpa": CMAAdaptSigmaTPA, "decay": CMAAdaptSigmaCSA}
+SIGMA_DECAY = 0.996
+SIGMA_LEAST = 0.0015
 RESTART_FROM = ("mean", "best")
 LINEAR_ALGEBRA = ("torch", "pycma")
 PRECISION = "float32"
@@ -33,7 +36,10 @@ class CMAES(Optimizer):
             its recombination uses the ``2 + 1.5 ln N`` best (14 at N = 4,572) of the population
             rather than half of it: a higher selection pressure.
         step_size: how sigma adapts: "csa" (cumulative path length, as in the paper's time) or
-            "tpa" (two-point adaptation, newer pycma's choice for many dimensions).
+            "tpa" (two-point adaptation, newer pycma's choice for many dimensions); or "decay": a
+            fixed schedule, which neither noise nor plateaus can collapse.
+        sigma_decay: with "decay", sigma's factor per generation (default 0.996).
+        sigma_least: with "decay", where it ends (default 0.0015).
         diagonal: learn variances only (separable CMA-ES): linear instead of quadratic memory and
             faster learning rates.
         restart_sigma: below this step size the search starts anew, with ``sigma`` and nothing
@@ -57,6 +63,8 @@ class CMAES(Optimizer):
         population: int = 112,
         told_popsize: bool = True,
         step_size: str = "csa",
+        sigma_decay: float | None = None,
+        sigma_least: float | None = None,
         diagonal: bool = False,
         restart_sigma: float | None = None,
         restart_from: str = "mean",
@@ -78,6 +86,7 @@ class CMAES(Optimizer):
                 )
         self._sigma0 = float(sigma)
         self._step_size = step_size
+        self._schedule = _sigma_schedule(step_size, sigma, sigma_decay, sigma_least)
         self._population = int(population)
         self._told_popsize = bool(told_popsize)
         self._diagonal = bool(diagonal)
@@ -142,6 +151,7 @@ class CMAES(Optimizer):
             "population": self._population,
             "told_popsize": self._told_popsize,
             "step_size": self._step_size,
+            **self._schedule,
             "diagonal": self._diagonal,
             "restart_sigma": self._restart_sigma,
             "restart_from": self._restart_from,
@@ -176,10 +186,14 @@ class CMAES(Optimizer):
         return np.array(self._es.ask(self._population), dtype=np.float64)
 
     def _tell(self, asked: Genomes, fitness: Fitness, added: Any = None) -> None:
+        sigma = self.sigma
         with warnings.catch_warnings():
             # Telling more than pycma's own population size is deliberate where it was not told.
             warnings.filterwarnings("ignore", message="The number of solutions passed to `tell`")
             self._es.tell(list(asked), (-fitness).tolist())
+        if self._schedule:
+            least, decay = self._schedule["sigma_least"], self._schedule["sigma_decay"]
+            self._es.sigma = max(least, sigma * decay)
         best = int(np.argmax(fitness))
         if fitness[best] > self._best_fitness:
             self._best_genome, self._best_fitness = asked[best].copy(), float(fitness[best])
@@ -223,7 +237,8 @@ class IsotropicCMAES(CMAES):
     Args:
         dimension: length N of a genome.
         seed: of the optimizer's own generator.
-        sigma, population, told_popsize, step_size, restart_sigma, restart_from: as of ``CMAES``.
+        sigma, population, told_popsize, step_size, sigma_decay, sigma_least, restart_sigma,
+            restart_from: as of ``CMAES``.
     """
 
     name: ClassVar[str] = "iso_cma_es"
@@ -237,6 +252,8 @@ class IsotropicCMAES(CMAES):
         population: int = 112,
         told_popsize: bool = True,
         step_size: str = "csa",
+        sigma_decay: float | None = None,
+        sigma_least: float | None = None,
         restart_sigma: float | None = None,
         restart_from: str = "mean",
     ) -> None:
@@ -247,6 +264,8 @@ class IsotropicCMAES(CMAES):
             population=population,
             told_popsize=told_popsize,
             step_size=step_size,
+            sigma_decay=sigma_decay,
+            sigma_least=sigma_least,
             diagonal=True,  # linear memory; that diagonal stays at one
             restart_sigma=restart_sigma,
             restart_from=restart_from,
@@ -262,6 +281,24 @@ def _set_up_as_pycma_does(es: Any, sampler: Any) -> None:
     # Without this the negative weights are too large for the covariance to stay positive definite.
     es.sp.weights.finalize_negative_weights(es.N, rates["c1"], rates["cmu"])
     sampler.lazy_update_gap = 1.0 / (es.sp.c1 + es.sp.cmu + 1e-23) / es.N / 10.0
+
+
+def _sigma_schedule(
+    step_size: str, sigma: float, decay: float | None, least: float | None
+) -> dict[str, float]:
+    """The settings of the fixed schedule with their defaults, checked; none without it."""
+    if step_size != "decay":
+        _refuse(
+            {"sigma_decay": decay, "sigma_least": least}, f"step_size={step_size} has no schedule"
+        )
+        return {}
+    decay = SIGMA_DECAY if decay is None else float(decay)
+    least = min(SIGMA_LEAST, sigma) if least is None else float(least)
+    if not 0.0 < decay <= 1.0:
+        raise OptimizerError(f"sigma_decay must lie in (0, 1], got {decay!r}.")
+    if not 0.0 < least <= sigma:
+        raise OptimizerError(f"sigma_least must be positive and at most sigma, got {least!r}.")
+    return {"sigma_decay": decay, "sigma_least": least}
 
 
 def _linear_algebra(
@@ -287,7 +324,7 @@ def _linear_algebra(
     }
 
 
-def _refuse(given: Mapping[str, str | None], reason: str) -> None:
+def _refuse(given: Mapping[str, Any], reason: str) -> None:
     names = [name for name, value in given.items() if value is not None]
     if names:
         raise OptimizerError(f"{reason}: leave out {', '.join(names)}.")

@@ -1,0 +1,149 @@
+"""Scenarios that come in mirror images of each other.
+
+A robot that drives blindly earns what the noise on the placements happens to give it. In mirror
+images that cancels, so what is left to select for is what the robot does with its sensors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+
+from ncrs_envs.body import DEFAULT_GRID_SIZE
+from ncrs_envs.scenario import (
+    Point,
+    Polyline,
+    Scenario,
+    ScenarioError,
+    sample_scenario,
+    sample_scenarios,
+    scenario_streams,
+)
+from ncrs_envs.tasks import Task, get_task
+
+Mirroring = Literal["none", "front_back", "all"]
+MIRRORINGS: tuple[Mirroring, ...] = ("none", "front_back", "all")
+
+Image = Callable[[Scenario], Scenario]
+
+
+def check_mirroring(kind: Any, task: Task) -> Mirroring:
+    """Return ``kind`` if the task can be mirrored so, else raise ``ScenarioError``."""
+    if kind not in MIRRORINGS:
+        raise ScenarioError(f"mirroring must be one of {list(MIRRORINGS)}, got {kind!r}.")
+    if kind == "front_back" and _is_directed(task):
+        raise ScenarioError(
+            f"{task.name} has no front and back to exchange: the robot starts at the bottom. Use "
+            "mirroring none or all."
+        )
+    return kind  # type: ignore[no-any-return]
+
+
+def _is_directed(task: Task) -> bool:
+    return task.has_walls or task.has_ball
+
+
+def mirror_left_right(scenario: Scenario) -> Scenario:
+    """The scenario with all x negated; the walls change sides."""
+    walls = scenario.walls
+    if walls is not None:
+        left, right = walls
+        walls = (_negate_x(right), _negate_x(left))
+    return replace(
+        scenario,
+        start=_flip(scenario.start, -1.0, 1.0),
+        light=_flip_if(scenario.light, -1.0, 1.0),
+        ball=_flip_if(scenario.ball, -1.0, 1.0),
+        target=_flip_if(scenario.target, -1.0, 1.0),
+        walls=walls,
+    )
+
+
+def mirror_front_back(scenario: Scenario) -> Scenario:
+    """A LightChase scenario with its light's y negated: before the robot instead of behind it."""
+    return replace(scenario, light=_flip_if(scenario.light, 1.0, -1.0))
+
+
+def _flip(point: Point, x: float, y: float) -> Point:
+    return (x * point[0], y * point[1])
+
+
+def _flip_if(point: Point | None, x: float, y: float) -> Point | None:
+    return None if point is None else _flip(point, x, y)
+
+
+def _negate_x(line: Polyline) -> Polyline:
+    return tuple(_flip(point, -1.0, 1.0) for point in line)
+
+
+def _same(scenario: Scenario) -> Scenario:
+    return scenario
+
+
+def _turned(scenario: Scenario) -> Scenario:
+    return mirror_left_right(mirror_front_back(scenario))
+
+
+# How each four runs are made: for each of them which draw it is an image of, and the image. The
+# regions of the draws are such that run i lies in region i mod 4, as everywhere.
+_LIGHT_CHASE_IMAGES: Sequence[tuple[int, Image]] = (
+    (0, _turned),
+    (0, mirror_front_back),
+    (0, _same),
+    (0, mirror_left_right),
+)
+_COLUMN_IMAGES: Sequence[tuple[int, Image]] = (
+    (0, _same),
+    (1, _same),
+    (1, mirror_left_right),
+    (0, mirror_left_right),
+)
+
+
+def draw_scenarios(
+    task: str | Task,
+    seed: int | Sequence[int] | np.random.SeedSequence,
+    n: int = 12,
+    grid_size: int = DEFAULT_GRID_SIZE,
+    mirroring: Mirroring = "none",
+) -> list[Scenario]:
+    """Draw the scenarios of one evaluation, independently or in mirror images.
+
+    - "none": as ``sample_scenarios``.
+    - "all": four by four. In LightChase the four are one light in all four corners; in the other
+      tasks two draws, each with its left-right mirror image. Run ``i`` uses region ``i mod 4``.
+    - "front_back": LightChase only, two by two: a light before the robot, on the right and on the
+      left in turn, and its image behind it. For robots that treat left and right alike, which do
+      the same in left-right images.
+
+    Args:
+        task: task or its name.
+        seed: one seed decides all; the first sets of a longer evaluation equal those of a shorter.
+        n: number of runs, at least 1; the last set is cut short if need be.
+        grid_size: side of the body grid.
+        mirroring: "none", "front_back" or "all".
+
+    Raises:
+        ScenarioError: ``n`` is not a positive integer; or no such mirroring for the task.
+        TaskError: unknown task.
+    """
+    task = get_task(task)
+    check_mirroring(mirroring, task)
+    if mirroring == "none":
+        return sample_scenarios(task, seed, n, grid_size)
+    size = 2 if mirroring == "front_back" else 4
+    scenarios: list[Scenario] = []
+    for index, stream in enumerate(scenario_streams(seed, n, per_stream=size)):
+        if mirroring == "front_back":
+            ahead = sample_scenario(task, stream, 2 + index % 2, grid_size)
+            scenarios += [ahead, mirror_front_back(ahead)]
+        elif _is_directed(task):
+            draws = [sample_scenario(task, stream, region, grid_size) for region in (0, 1)]
+            scenarios += [image(draws[draw]) for draw, image in _COLUMN_IMAGES]
+        else:
+            ahead = sample_scenario(task, stream, 2, grid_size)
+            scenarios += [image(ahead) for _, image in _LIGHT_CHASE_IMAGES]
+    return scenarios[:n]
