@@ -1,5 +1,6 @@
 """Grow a modular robot from one cell, and drive it, with one neural cellular automaton."""
 
+from ncrs.champions import champions, load_champion
 from ncrs.control import Controller
 from ncrs.development import grow
 from ncrs.elites import Elite, EliteArchive, load_archive, load_elite
@@ -18,8 +19,10 @@ __all__ = [
     "Evaluation",
     "GenomeError",
     "NCAPopulation",
+    "champions",
     "evaluate",
     "grow",
     "load_archive",
+    "load_champion",
     "load_elite",
 ]

@@ -30,6 +30,22 @@ def test_growth_steps(grid_size, steps):
     assert growth_steps(grid_size) == steps
 
 
+@pytest.mark.parametrize("task", ["light_chase", "carry_ball"])
+def test_symmetric_genomes_average_left_and_right(task, genomes):
+    layout = nca_layout(task)
+    original = genomes(2, layout.num_parameters)
+    symmetric = layout.symmetric(original)
+    shape = layout.parameter_shapes[0]
+    size = int(np.prod(shape))
+    kernels = symmetric[0, :size].reshape(shape)
+    before = original[0, :size].reshape(shape)
+    np.testing.assert_array_equal(kernels, kernels[..., ::-1])
+    np.testing.assert_array_equal(kernels[..., 1], before[..., 1])
+    np.testing.assert_allclose(kernels[..., 0], before[..., ::2].mean(axis=-1), atol=1e-15)
+    np.testing.assert_array_equal(symmetric[:, size:], original[:, size:])
+    np.testing.assert_array_equal(layout.symmetric(symmetric), symmetric)
+
+
 def test_genomes_become_a_float32_matrix():
     checked = nca_layout("light_chase").check_genomes([0.5] * 4572)
     assert checked.shape == (1, 4572)

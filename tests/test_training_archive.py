@@ -14,6 +14,7 @@ from ncrs.champion import load_champion_file
 from ncrs.checkpoint import CheckpointFolder
 from ncrs.elites import load_archive
 from ncrs.engines.base import Engine
+from ncrs.layout import nca_layout
 from ncrs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig, save_config
 from ncrs.training import RunError, train
 
@@ -213,3 +214,23 @@ def test_a_run_of_another_optimizer_is_refused(undisturbed):
     with pytest.raises(ConfigError, match=r"'cma_me'.*'cma_mae'"):
         train(config("cma_mae", resume=str(run_dir)), run_dir)
     np.testing.assert_equal(final_state(run_dir), before)
+
+
+def test_symmetric_search_on_mirrored_scenarios(tmp_path):
+    """What is archived is what was evaluated, on the scenarios that the elite names."""
+    train(config(symmetric=True, mirroring="front_back", reestimate_every=0), tmp_path)
+    archive = load_archive(tmp_path)
+    assert archive.mirroring == "front_back"
+    layout = nca_layout("light_chase")
+    for features in archive.archive.features[:3].tolist():
+        elite = archive.elite(features)
+        genome = elite.genome[None].astype(np.float64)
+        np.testing.assert_array_equal(layout.symmetric(genome), genome)
+        np.testing.assert_array_equal(elite.body, elite.body[:, ::-1])
+        front, back = (scenario.light for scenario in elite.scenarios)
+        assert front == (back[0], -back[1])
+        again = evaluate(elite.genome, "light_chase", scenarios=elite.scenarios, engine="batched")
+        assert again.fitness[0] == pytest.approx(elite.fitness, abs=1e-6)
+    champion = load_champion_file(tmp_path)
+    weights = champion.genome[None].astype(np.float64)
+    np.testing.assert_allclose(layout.symmetric(weights), weights, atol=1e-7)

@@ -24,6 +24,7 @@ OTHER_VARIANTS = [
     (FULL, {"restart_sigma": 0.095}),
     (FULL, {"restart_sigma": 0.095, "restart_from": "best", "step_size": "tpa"}),
     (DIAGONAL, {"restart_sigma": 0.095, "restart_from": "best"}),
+    (DIAGONAL, {"step_size": "decay", "sigma_decay": 0.9, "restart_sigma": 0.02}),
 ]
 
 
@@ -86,8 +87,31 @@ def test_any_saved_state_goes_on_bit_for_bit(name, settings, pending, tmp_path):
         assert optimizer.metrics()["restarts"] > 0
 
 
+@pytest.mark.parametrize("name", [FULL, DIAGONAL])
+def test_a_schedule_decides_the_step_size(name):
+    optimizer = make(name, step_size="decay", sigma_decay=0.5, sigma_least=0.02)
+    sigmas = []
+    for _ in range(4):
+        sigmas.append(optimizer.sigma)
+        advance(optimizer, 1)
+    np.testing.assert_allclose(sigmas, [0.1, 0.05, 0.025, 0.02])
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"sigma_decay": 0.9}, "step_size=csa has no schedule: leave out sigma_decay"),
+        ({"step_size": "decay", "sigma_decay": 1.1}, "sigma_decay must lie in"),
+        ({"step_size": "decay", "sigma_least": 0.2}, "at most sigma"),
+    ],
+)
+def test_a_schedule_that_cannot_be_meant_is_refused(settings, message):
+    with pytest.raises(OptimizerError, match=message):
+        make(**settings)
+
+
 @pytest.mark.parametrize("pending", [False, True])
-@pytest.mark.parametrize("step_size", ["csa", "tpa"])
+@pytest.mark.parametrize("step_size", ["csa", "tpa", "decay"])
 def test_a_saved_isotropic_state_goes_on_bit_for_bit(step_size, pending, tmp_path):
     assert_resumes(
         make_isotropic(step_size=step_size), make_isotropic(step_size=step_size), pending, tmp_path

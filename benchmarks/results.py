@@ -1,0 +1,130 @@
+"""The published champions: test them again, or publish the champion of a run.
+
+    python -m benchmarks.results                      # the table of docs/results.md
+    python -m benchmarks.results --collect RUN NAME   # RUN's champion becomes assets/champions/NAME
+
+The test is 100 fresh episodes, on Box2D and on the batched engine, as ``ncrs evaluate`` runs it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import yaml
+from PIL import Image
+
+from ncrs.assessment import Assessment, assess
+from ncrs.champion import CHAMPION_FILE, Champion, load_champion_file
+from ncrs.champions import (
+    CARD_SUFFIX,
+    CHAMPION_SUFFIX,
+    PICTURE_SUFFIX,
+    champions,
+    champions_folder,
+    file_stem,
+    load_champion,
+)
+from ncrs.checkpoint import write_json
+from ncrs.commands.archive import reestimated
+from ncrs.elites import load_archive
+from ncrs.engines.base import AUTO_ENGINE, ENGINES
+from ncrs.evaluation import RUNS
+from ncrs.metrics import read_metrics
+from ncrs.pictures import STORY_FILE, save_pictures
+from ncrs.settings import load_config
+
+PICTURE_SIZE = 240
+_ARCHIVE_KEYS = ("filled", "filled_share", "qd_score", "best", "beat_standing_still", "succeed")
+
+
+def tested(champion: Champion) -> dict[str, Assessment]:
+    """The champion's assessment on each engine."""
+    return {engine: assess(champion, engine=engine) for engine in sorted(ENGINES)}
+
+
+def command_of(run: Path) -> str:
+    """The command line that trained a run, without the folder that it was given."""
+    overrides = yaml.safe_load((run / ".hydra" / "overrides.yaml").read_text())
+    words = [word for word in overrides if not word.startswith(("hydra.", "resume="))]
+    return " ".join(["python train.py", *words])
+
+
+def effort_of(run: Path) -> dict[str, float]:
+    """Generations, evaluations and environment steps of a run, from its table of curves."""
+    table = read_metrics(run)
+    return {
+        "generations": load_config(run).generations,
+        **{key: int(table[f"progress/{key}"][-1]) for key in ("evaluations", "env_steps")},
+    }
+
+
+def archive_of(run: Path) -> dict[str, Any]:
+    """An archive's statistics as training left it, and with all elites estimated again."""
+    elites = load_archive(run)
+    fresh = reestimated(elites, AUTO_ENGINE, 0, RUNS)
+    return {
+        name: {key: one.archive.statistics()[key] for key in _ARCHIVE_KEYS}
+        for name, one in (("trained", elites), ("reestimated", fresh))
+        if len(one.archive)
+    }
+
+
+def collect(run: Path, name: str) -> None:
+    """Test a run's champion and write its genome, card and picture."""
+    champion = load_champion_file(run)
+    config = asdict(load_config(run))
+    stem = champions_folder() / file_stem(name)
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(run / CHAMPION_FILE, stem.with_suffix(CHAMPION_SUFFIX))
+    card = {
+        "name": name,
+        "command": command_of(run),
+        "config": {key: value for key, value in config.items() if key != "resume"},
+        **effort_of(run),
+        "generation": champion.generation,
+        "source": champion.source,
+        "tests": {engine: result.as_json() for engine, result in tested(champion).items()},
+        "archive": archive_of(run),
+    }
+    write_json(stem.with_suffix(CARD_SUFFIX), card)
+    with tempfile.TemporaryDirectory() as folder:
+        save_pictures(champion, Path(folder), size=PICTURE_SIZE)
+        with Image.open(Path(folder) / STORY_FILE) as picture:
+            picture.quantize(64).save(stem.with_suffix(PICTURE_SUFFIX), optimize=True)
+    print(f"Published {name} in {stem.parent}")
+
+
+def table() -> None:
+    """Print a row for each champion, tested anew."""
+    print("| champion | fitness, Box2D | success, Box2D (95 %) | crossed | fitness, batched |")
+    print("|---|---|---|---|---|")
+    for name in champions():
+        results = tested(load_champion(name))
+        reference, batched = results["box2d"], results["batched"]
+        low, high = reference.success.interval
+        crossed = "-" if reference.crossed is None else f"{reference.crossed.share:.0%}"
+        print(
+            f"| `{name}` | {reference.fitness:.4f} | {reference.success.share:.0%} "
+            f"({low:.0%} to {high:.0%}) | {crossed} | {batched.fitness:.4f} |",
+            flush=True,
+        )
+
+
+def main() -> None:
+    """Collect a run, or print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--collect", nargs=2, metavar=("RUN", "NAME"))
+    options = parser.parse_args()
+    if options.collect is None:
+        table()
+    else:
+        collect(Path(options.collect[0]), options.collect[1])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""The robots that come with the package: the best of each published run, ready to drive."""
+
+from __future__ import annotations
+
+import json
+import sysconfig
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ncrs.champion import Champion, load_champion_file
+from ncrs.checkpoint import CheckpointError
+
+CHAMPION_SUFFIX, CARD_SUFFIX, PICTURE_SUFFIX = ".npz", ".json", ".png"
+_CHECKOUT = Path(__file__).parents[1] / "assets" / "champions"
+_INSTALLED = Path(sysconfig.get_path("data")) / "share" / "ncrs" / "champions"
+
+
+class ChampionError(LookupError):
+    """No champion of that name comes with the package."""
+
+
+@dataclass(frozen=True)
+class PublishedChampion(Champion):
+    """A champion with the record of where it came from and how it was tested."""
+
+    name: str = ""
+    """Task and recipe, such as "light_chase/best"."""
+    card: dict[str, Any] | None = None
+    """The record: "command" that trained it, "config", "evaluations", and under "tests" the result
+    on 100 fresh episodes on each engine, see ``ncrs.assessment.Assessment``."""
+
+
+def file_stem(name: str) -> str:
+    """Name of a champion's files without suffix: "light_chase/best" is light_chase-best."""
+    return name.replace("/", "-")
+
+
+def champions_folder() -> Path:
+    """Where the champions' files are: in the checkout, or where the package was installed."""
+    return _CHECKOUT if _CHECKOUT.is_dir() else _INSTALLED
+
+
+def champions() -> list[str]:
+    """Names that ``load_champion`` takes, in alphabetical order."""
+    paths = champions_folder().glob(f"*{CARD_SUFFIX}")
+    return sorted(path.stem.replace("-", "/") for path in paths)
+
+
+def load_champion(name: str) -> PublishedChampion:
+    """Load a champion that comes with the package.
+
+    Args:
+        name: task and recipe, such as "light_chase/best"; ``champions()`` lists all.
+
+    Returns:
+        Its ``nca``, ``body``, ``genome``, ``task``, and the ``card`` with its tests.
+
+    Raises:
+        ChampionError: there is none of that name.
+        CheckpointError: its files are damaged.
+    """
+    if name not in champions():
+        raise ChampionError(f"There is no champion {name!r}; there are {champions()}.")
+    stem = champions_folder() / file_stem(name)
+    champion = load_champion_file(stem.with_suffix(CHAMPION_SUFFIX))
+    try:
+        card = json.loads(stem.with_suffix(CARD_SUFFIX).read_text())
+    except ValueError as error:
+        raise CheckpointError(f"The card of {name} is not valid JSON: {error}.") from error
+    return PublishedChampion(**vars(champion), name=name, card=card)

@@ -1,0 +1,78 @@
+"""Mirror images of scenarios: that they are images, where they lie, and that they cancel."""
+
+import numpy as np
+import pytest
+
+from ncrs_envs.mirroring import (
+    check_mirroring,
+    draw_scenarios,
+    mirror_front_back,
+    mirror_left_right,
+)
+from ncrs_envs.scenario import CORNER_REGIONS, ScenarioError, sample_scenarios
+from ncrs_envs.tasks import TASKS, get_task
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_none_draws_as_ever(task):
+    assert draw_scenarios(task, 3, 5) == sample_scenarios(task, 3, 5)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_mirroring_twice_gives_the_scenario_back(task):
+    for scenario in sample_scenarios(task, 0, 4):
+        image = mirror_left_right(scenario)
+        assert image != scenario
+        assert mirror_left_right(image) == scenario
+        image.check(get_task(task), 5)
+
+
+def test_the_light_stands_in_all_four_corners():
+    lights = np.array([s.light for s in draw_scenarios("light_chase", 1, 8, mirroring="all")])
+    np.testing.assert_array_equal(np.sign(lights), np.tile(CORNER_REGIONS, (2, 1)))
+    for four in (lights[:4], lights[4:]):
+        np.testing.assert_allclose(four.sum(axis=0), 0.0, atol=1e-12)
+    assert abs(lights[0, 0]) != abs(lights[4, 0])
+
+
+def test_front_and_back_alternate_and_sides_take_turns():
+    drawn = draw_scenarios("light_chase", 1, 6, mirroring="front_back")
+    lights = np.array([s.light for s in drawn])
+    np.testing.assert_array_equal(np.sign(lights[:, 1]), [1, -1, 1, -1, 1, -1])
+    np.testing.assert_array_equal(np.sign(lights[:, 0]), [1, 1, -1, -1, 1, 1])
+    assert drawn[1] == mirror_front_back(drawn[0])
+
+
+@pytest.mark.parametrize("task", ["obstacle", "carry_ball"])
+def test_columns_come_with_their_left_right_images(task):
+    drawn = draw_scenarios(task, 5, 4, mirroring="all")
+    assert drawn[2] == mirror_left_right(drawn[1])
+    assert drawn[3] == mirror_left_right(drawn[0])
+    seen = [s.light or s.ball for s in drawn]
+    assert all(point is not None for point in seen)
+    columns = np.array(seen)[:, 0] / 60.0
+    np.testing.assert_allclose(columns, [-0.6, -0.3, 0.3, 0.6], atol=0.05)
+
+
+@pytest.mark.parametrize("mirroring", ["front_back", "all"])
+def test_a_longer_evaluation_begins_with_the_shorter(mirroring):
+    short = draw_scenarios("light_chase", 7, 5, mirroring=mirroring)
+    assert len(short) == 5
+    assert draw_scenarios("light_chase", 7, 12, mirroring=mirroring)[:5] == short
+    seed = np.random.SeedSequence(7)
+    assert draw_scenarios("light_chase", seed, 5, mirroring=mirroring) == short
+
+
+@pytest.mark.parametrize(
+    ("task", "mirroring", "message"),
+    [
+        ("light_chase", "left", "one of"),
+        ("obstacle", "front_back", "no front and back"),
+        ("carry_ball", "front_back", "Use mirroring none or all"),
+    ],
+)
+def test_what_cannot_be_mirrored_is_refused(task, mirroring, message):
+    with pytest.raises(ScenarioError, match=message):
+        check_mirroring(mirroring, get_task(task))
+    with pytest.raises(ScenarioError, match=message):
+        draw_scenarios(task, 0, 4, mirroring=mirroring)
