@@ -10,6 +10,7 @@ from typing import Any
 
 from ncrs.champion import Champion, load_champion_file
 from ncrs.checkpoint import CheckpointError
+from ncrs.settings import ConfigError
 
 CHAMPION_SUFFIX, CARD_SUFFIX, PICTURE_SUFFIX = ".npz", ".json", ".png"
 _CHECKOUT = Path(__file__).parents[1] / "assets" / "champions"
@@ -45,6 +46,21 @@ def champions() -> list[str]:
     """Names that ``load_champion`` takes, in alphabetical order."""
     paths = champions_folder().glob(f"*{CARD_SUFFIX}")
     return sorted(path.stem.replace("-", "/") for path in paths)
+
+
+def load_any_champion(source: str) -> Champion:
+    """The champion of a run's folder, of a champion's file, or of that name in the package.
+
+    Raises:
+        ConfigError: there is none.
+        CheckpointError: its file is damaged.
+    """
+    if source in champions():
+        return load_champion(source)
+    try:
+        return load_champion_file(source)
+    except ConfigError as error:
+        raise ConfigError(f"{error} Champions that come with NCRS: {champions()}.") from error
 
 
 def load_champion(name: str) -> PublishedChampion:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
@@ -106,6 +107,13 @@ class TrainConfig:
     """"none", or whether scenarios come in mirror images: "all", or "front_back" in LightChase."""
     symmetric: bool = False
     """Search only automata that treat left and right alike."""
+    success_bonus: float = 0.0
+    """What a run that succeeds adds to the fitness, in the eyes of the optimizer."""
+    approach_bonus: float = 0.0
+    """What its closest approach adds, times ``exp(-d / P)``; see ``ncrs.objective``."""
+    start_from: str | None = None
+    """Where the search starts instead of at zero: a run's folder, a champion's file, or the name of
+    one that comes with the package."""
     champion_every: int = 10
     """Generations between two re-evaluations of the candidates for champion."""
     champion_runs: int = 48
@@ -125,7 +133,7 @@ class TrainConfig:
         """Return this if all values are in range, else raise ``ConfigError``."""
         try:
             check_mirroring(self.mirroring, self.task_settings().task)
-            check_settings(self.optimizer.name, self.optimizer.given())
+            optimizer = check_settings(self.optimizer.name, self.optimizer.given())
             resolve_engine(self.engine.name)
             check_workers(self.engine.workers)
         except ValueError as error:
@@ -134,14 +142,23 @@ class TrainConfig:
             "seed": (self.seed, 0),
             "generations": (self.generations, 1),
             "runs": (self.runs, 1),
+            "success_bonus": (self.success_bonus, 0),
+            "approach_bonus": (self.approach_bonus, 0),
             "champion_every": (self.champion_every, 1),
             "champion_runs": (self.champion_runs, 1),
             "reestimate_every": (self.reestimate_every, 0),
             "checkpoint_seconds": (self.checkpoint_seconds, 0),
         }
         for name, (value, bound) in least.items():
-            if not value >= bound:
-                raise ConfigError(f"{name} must be at least {bound}, got {value!r}.")
+            if not bound <= value < math.inf:
+                raise ConfigError(f"{name} must be at least {bound} and finite, got {value!r}.")
+        bonus = max(self.success_bonus, self.approach_bonus)
+        if bonus > 0 and not optimizer.maximises_fitness:
+            raise ConfigError(
+                f"success_bonus and approach_bonus change the fitness that an optimizer is told; "
+                f"{self.optimizer.name} learns from its archive instead, which holds the plain "
+                "fitness. Leave them out, or use another optimizer."
+            )
         if self.seed > _LARGEST_SEED:
             raise ConfigError(f"seed must be at most {_LARGEST_SEED}, got {self.seed!r}.")
         return self

@@ -14,6 +14,7 @@ from filelock import FileLock, Timeout
 
 from ncrs.archive import SEED_LENGTH, Additions, ArchiveError, Status
 from ncrs.champion import CHAMPION_FILE, Champion
+from ncrs.champions import load_any_champion
 from ncrs.checkpoint import CheckpointFolder
 from ncrs.elites import ARCHIVE_FILE, EliteArchive, make_archive
 from ncrs.engines.base import (
@@ -25,7 +26,8 @@ from ncrs.engines.base import (
 )
 from ncrs.layout import nca_layout
 from ncrs.logs import PhaseTimer, RunLog, generation_metrics, versions
-from ncrs.optimizers.base import Genomes, OptimizerError, make_optimizer
+from ncrs.objective import objective
+from ncrs.optimizers.base import Fitness, Genomes, OptimizerError, make_optimizer
 from ncrs.reestimation import reestimate, seed_row
 from ncrs.settings import ConfigError, TrainConfig, save_config
 from ncrs.signals import StopRequest
@@ -100,6 +102,8 @@ class Trainer:
             raise ConfigError(str(error)) from error
         self._archive = make_archive(self._settings)
         self._optimizer.attach(self._archive)
+        if config.start_from is not None and config.resume is None:
+            self._start_from(config.start_from)
         self._champion_scenarios = sample_scenarios(
             self._settings.task,
             self._stream(_CHAMPION_STREAM),
@@ -113,10 +117,24 @@ class Trainer:
         self._seconds = 0.0
         self._best_fitness = -np.inf
         self._champion: Champion | None = None
+        self._champion_objective = -np.inf
         self._timer = PhaseTimer()
 
     def _stream(self, *key: int) -> np.random.SeedSequence:
         return np.random.SeedSequence(self._config.seed, spawn_key=key)
+
+    def _start_from(self, source: str) -> None:
+        champion = load_any_champion(source)
+        if champion.genome.shape != (self._layout.num_parameters,):
+            raise ConfigError(
+                f"start_from={source} is a genome of {len(champion.genome)} weights, for "
+                f"{champion.task.name}; {self._settings.task.name} needs "
+                f"{self._layout.num_parameters}."
+            )
+        try:
+            self._optimizer.start_from(champion.genome.astype(np.float64))
+        except OptimizerError as error:
+            raise ConfigError(str(error)) from error
 
     def run(self) -> TrainingResult:
         """Train until the last generation, or until SIGINT or SIGTERM; both save."""
@@ -258,7 +276,7 @@ class Trainer:
                 ),
             )
         with self._timer.phase("tell"):
-            self._optimizer.tell(evaluation.fitness, added)
+            self._optimizer.tell(self._objective(evaluation), added)
         return genomes, evaluation, added
 
     def _scenario_streams(self, population: int) -> list[np.random.SeedSequence]:
@@ -281,7 +299,7 @@ class Trainer:
     def _candidates(self, genomes: Genomes, evaluation: Evaluation) -> Genomes:
         """The generation's best genome, and the search's mean or the archive's best elite: often
         those are better than a lucky draw."""
-        best = genomes[int(np.nanargmax(evaluation.fitness))]
+        best = genomes[int(np.nanargmax(self._objective(evaluation)))]
         return np.stack([best, self._searched(self._optimizer.mean[None])[0]])
 
     def _searched(self, genomes: Genomes) -> Genomes:
@@ -289,18 +307,25 @@ class Trainer:
         among."""
         return self._layout.symmetric(genomes) if self._config.symmetric else genomes
 
+    def _objective(self, evaluation: Evaluation) -> Fitness:
+        config = self._config
+        bonuses = config.success_bonus, config.approach_bonus
+        return objective(evaluation, self._settings, *bonuses)
+
     def _crown(self, candidates: Genomes, result: Evaluation) -> None:
         sources: Sequence[str] = ("sample", self._optimizer.candidate_source)
+        values = self._objective(result)
         for index, source in enumerate(sources):
-            fitness = float(result.fitness[index])
-            beaten = self._champion is not None and fitness <= self._champion.fitness
-            if not result.valid[index] or not np.isfinite(fitness) or beaten:
+            value = float(values[index])
+            beaten = value <= self._champion_objective
+            if not result.valid[index] or not np.isfinite(value) or beaten:
                 continue
+            self._champion_objective = value
             self._champion = Champion(
                 genome=candidates[index].astype(np.float32),
                 body=result.bodies[index],
                 task=self._config.task,
-                fitness=fitness,
+                fitness=float(result.fitness[index]),
                 success=float(result.success[index].mean()),
                 generation=self._generation - 1,
                 source=source,
@@ -339,6 +364,7 @@ class Trainer:
             "env_steps": self._env_steps,
             "seconds": self._seconds,
             "best_fitness": float(self._best_fitness),
+            "champion_objective": float(self._champion_objective),
             "champion": None if self._champion is None else self._champion.state(),
             "optimizer": self._optimizer.state(),
             "archive": self._archive.state(),
@@ -362,6 +388,7 @@ class Trainer:
         self._env_steps = state["env_steps"]
         self._seconds = state["seconds"]
         self._best_fitness = state["best_fitness"]
+        self._champion_objective = state["champion_objective"]
         champion = state["champion"]
         self._champion = None if champion is None else Champion.from_state(champion)
 

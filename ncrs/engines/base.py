@@ -53,6 +53,9 @@ class Evaluation:
     """Whether each run ever succeeded, ``(P, R)``."""
     crossed: NDArray[np.bool_]
     """Whether the robot's centre was ever above y = 0, ``(P, R)``; all False outside Obstacle."""
+    closest: NDArray[np.float64]
+    """Least distance of each run, ``(P, R)``, in units: of the robot to the light, or of the ball
+    to the target. Infinite for invalid bodies."""
     bodies: NDArray[np.int8]
     """Cell codes, ``(P, n, n)``."""
     valid: NDArray[np.bool_]
@@ -77,6 +80,7 @@ class RolloutResult:
     run_fitness: NDArray[np.float64]
     success: NDArray[np.bool_]
     crossed: NDArray[np.bool_]
+    closest: NDArray[np.float64]
 
 
 class Engine(ABC):
@@ -143,6 +147,7 @@ class Engine(ABC):
             run_fitness=run_fitness,
             success=result.success & valid[:, None],
             crossed=result.crossed & valid[:, None] & task.has_walls,
+            closest=np.where(valid[:, None], result.closest, np.inf),
             bodies=result.bodies,
             valid=valid,
             features=features,

@@ -62,6 +62,7 @@ class BatchedEngine(Engine):
             run_fitness=np.zeros((population, runs)),
             success=np.zeros((population, runs), dtype=np.bool_),
             crossed=np.zeros((population, runs), dtype=np.bool_),
+            closest=np.full((population, runs), np.inf),
         )
         scenarios = _scenario_table(rows, n)
         task_settings = settings_array(settings.task, n, settings.score, settings.success_radius)
@@ -73,7 +74,7 @@ class BatchedEngine(Engine):
             roll_out_population(
                 control, part_codes, task_settings, scenarios, MAX_EPISODE_STEPS,
                 make_workspace(n), chosen, bodies,
-                result.run_fitness, result.success, result.crossed,
+                result.run_fitness, result.success, result.crossed, result.closest,
             )  # fmt: skip
 
         with _compilation_notice():

@@ -39,6 +39,7 @@ class _GenomeResult:
     run_fitness: NDArray[np.float64]
     success: NDArray[np.bool_]
     crossed: NDArray[np.bool_]
+    closest: NDArray[np.float64]
 
 
 def evaluate_genome(job: _Job) -> _GenomeResult:
@@ -50,7 +51,7 @@ def evaluate_genome(job: _Job) -> _GenomeResult:
         fitness = np.zeros(runs)
         if not job.settings.task.is_valid(body):
             nothing = np.zeros(runs, dtype=np.bool_)
-            return _GenomeResult(body, fitness, nothing, nothing)
+            return _GenomeResult(body, fitness, nothing, nothing, np.full(runs, np.inf))
         robot = Robot(body)
         episodes = [Episode(job.settings, robot, scenario) for scenario in job.scenarios]
         controller = Controller(nca, np.broadcast_to(body, (runs, *body.shape)))
@@ -66,6 +67,7 @@ def evaluate_genome(job: _Job) -> _GenomeResult:
             run_fitness=fitness / MAX_EPISODE_STEPS,
             success=np.array([e.success for e in episodes]),
             crossed=np.array([e.crossed for e in episodes]),
+            closest=np.array([e.closest for e in episodes]),
         )
 
 
@@ -104,6 +106,7 @@ class Box2DEngine(Engine):
             run_fitness=np.stack([r.run_fitness for r in results]),
             success=np.stack([r.success for r in results]),
             crossed=np.stack([r.crossed for r in results]),
+            closest=np.stack([r.closest for r in results]),
         )
 
     def close(self) -> None:

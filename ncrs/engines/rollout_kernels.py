@@ -31,6 +31,7 @@ from ncrs_envs.batched.layout import (
     CELLS_HEADER,
     CELLS_SENSORS,
     CELLS_WHEELS,
+    STATE_CLOSEST,
     STATE_CROSSED,
     STATE_SIZE,
     STATE_SUCCESS,
@@ -99,6 +100,7 @@ def roll_out_population(
     run_fitness: NDArray[np.float64],
     success: NDArray[np.bool_],
     crossed: NDArray[np.bool_],
+    closest: NDArray[np.float64],
 ) -> None:
     """Drive the robots of some genomes through their runs.
 
@@ -114,6 +116,7 @@ def roll_out_population(
         run_fitness: output, ``(P, R)``: mean reward; NaN where the state turned non-finite.
         success: output, ``(P, R)``.
         crossed: output, ``(P, R)``.
+        closest: output, ``(P, R)``.
     """
     for genome in genomes:
         _roll_out_genome(
@@ -127,6 +130,7 @@ def roll_out_population(
             run_fitness[genome],
             success[genome],
             crossed[genome],
+            closest[genome],
         )
 
 
@@ -142,6 +146,7 @@ def _roll_out_genome(
     run_fitness: NDArray[np.float64],
     success: NDArray[np.bool_],
     crossed: NDArray[np.bool_],
+    closest: NDArray[np.float64],
 ) -> None:
     """All runs of one genome in step; arguments as above, of this genome alone."""
     n = body.shape[0]
@@ -179,6 +184,7 @@ def _roll_out_genome(
         run_fitness[run] /= steps
         success[run] = physics[run, STATE_SUCCESS] != 0.0
         crossed[run] = physics[run, STATE_CROSSED] != 0.0
+        closest[run] = physics[run, STATE_CLOSEST]
         if not _is_finite(states, tiled_runs, run):
             run_fitness[run] = np.nan
 

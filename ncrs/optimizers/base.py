@@ -64,6 +64,22 @@ class Optimizer(ABC):
             OptimizerError: its genomes have another length.
         """
 
+    @property
+    def maximises_fitness(self) -> bool:
+        """Whether it learns from the fitness that it is told, rather than from the archive."""
+        return True
+
+    def start_from(self, genome: NDArray[np.float64]) -> None:
+        """Search around ``genome``, ``(N,)``, instead of around zero.
+
+        Raises:
+            OptimizerError: this optimizer cannot.
+        """
+        raise OptimizerError(
+            f"{self.name} cannot start from a genome; use cma_es, sep_cma_es, iso_cma_es, cma_me "
+            "or cma_mae."
+        )
+
     def tell(self, fitness: Fitness, added: Additions | None = None) -> None:
         """Learn from the fitness of the last population.
 
@@ -186,10 +202,10 @@ def _optimizer_class(name: str) -> type[Optimizer]:
     return cls
 
 
-def check_settings(name: str, settings: Mapping[str, Any]) -> None:
+def check_settings(name: str, settings: Mapping[str, Any]) -> Optimizer:
     """Raise ``OptimizerError`` unless there is such an optimizer and its settings are in range.
 
-    The range is checked by making a small one.
+    The range is checked by making a small one, which is returned.
     """
     known = inspect.signature(_optimizer_class(name)).parameters.values()
     fixed = OPTIMIZERS[name][2]
@@ -197,7 +213,7 @@ def check_settings(name: str, settings: Mapping[str, Any]) -> None:
     unknown = sorted(set(settings) - set(names))
     if unknown:
         raise OptimizerError(f"{name} has no setting {', '.join(unknown)}; it has {names}.")
-    make_optimizer(name, _TRIAL_DIMENSION, np.random.SeedSequence(0), **settings)
+    return make_optimizer(name, _TRIAL_DIMENSION, np.random.SeedSequence(0), **settings)
 
 
 def make_optimizer(

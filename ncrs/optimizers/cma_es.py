@@ -204,6 +204,10 @@ class CMAES(Optimizer):
         best = self._best_genome
         self.restart(self.mean if self._restart_from == "mean" or best is None else best.copy())
 
+    def start_from(self, genome: NDArray[np.float64]) -> None:
+        self.restart(genome)
+        self._restarts = 0
+
     def restart(self, start: NDArray[np.float64]) -> None:
         """Search anew around ``start``, ``(N,)``, with the first sigma and nothing learned."""
         sampler = None

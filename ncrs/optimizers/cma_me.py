@@ -75,6 +75,10 @@ class CMAME(EmitterOptimizer):
     def settings(self) -> dict[str, Any]:
         return {**super().settings, "ranking": self._ranking}
 
+    @property
+    def maximises_fitness(self) -> bool:
+        return self._ranking == "fitness"
+
     def _judge(self, fitness: Fitness, added: Additions) -> tuple[Fitness, bool]:
         useful = bool((added.status != Status.NONE).any())
         if self._ranking == "fitness":

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ncrs.archive import Additions
 from ncrs.optimizers.base import Fitness, Genomes, OptimizerError, State
@@ -75,6 +76,11 @@ class EmitterOptimizer(QDOptimizer):
             "restarts": float(self._restarts),
             "longest_idle": float(max(self._idle)),
         }
+
+    def start_from(self, genome: NDArray[np.float64]) -> None:
+        for emitter in self._emitters:
+            emitter.start_from(genome)
+        self._kept = [None] * len(self._emitters)
 
     @abstractmethod
     def _judge(self, fitness: Fitness, added: Additions) -> tuple[Fitness, bool]:

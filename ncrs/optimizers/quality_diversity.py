@@ -36,6 +36,10 @@ class QDOptimizer(Optimizer):
             raise OptimizerError(f"{self.name} needs an archive: call attach(archive) first.")
         return self._attached
 
+    @property
+    def maximises_fitness(self) -> bool:
+        return False
+
     def tell(self, fitness: Fitness, added: Additions | None = None) -> None:
         """As every optimizer's; ``added`` is required."""
         if added is None or len(added.status) != len(np.atleast_1d(fitness)):

@@ -39,9 +39,11 @@ STATE_TOUCHED = 15
 """1 if the robot touched the light, the ball or a wall in the last step."""
 STATE_CLEARANCE = 16
 """How far the robot can move at least before it can touch the light or a wall."""
-STATE_MEMORY = 17
+STATE_CLOSEST = 17
+"""Least distance yet of the kind that decides success: robot to light, or ball to target."""
+STATE_MEMORY = 18
 """Number of contact points whose impulses are kept for the next step."""
-STATE_MEMORIES = 18
+STATE_MEMORIES = 19
 """One record of MEMORY_SIZE for each of at most MEMORIES contact points."""
 MEMORIES = 16
 MEMORY_KEY = 0

@@ -24,6 +24,7 @@ from ncrs_envs.batched.layout import (
     SETTING_SUCCESS_RADIUS,
     STATE_BALL_X,
     STATE_BALL_Y,
+    STATE_CLOSEST,
     STATE_COS,
     STATE_CROSSED,
     STATE_SIN,
@@ -114,7 +115,7 @@ def score(
     scenario: NDArray[np.float64],
     state: NDArray[np.float64],
 ) -> float:
-    """The reward of the current poses; also keeps the state's success and crossed flags."""
+    """The reward of the current poses; also keeps the state's record of what was reached."""
     extent = settings[SETTING_EXTENT]
     inverse_square = settings[SETTING_INVERSE_SQUARE] != 0.0
     to_seen, to_target = distances(settings, robot, scenario, state)
@@ -123,6 +124,7 @@ def score(
     if settings[SETTING_HAS_BALL] != 0.0:
         reward = 0.5 * (reward + _score(to_target, extent, inverse_square))
         decisive = to_target
+    state[STATE_CLOSEST] = min(state[STATE_CLOSEST], decisive)
     if decisive <= settings[SETTING_SUCCESS_RADIUS]:
         state[STATE_SUCCESS] = 1.0
     _, y = grid_center(robot, state)

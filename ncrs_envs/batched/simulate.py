@@ -36,6 +36,7 @@ from ncrs_envs.batched.layout import (
     SETTING_HAS_BALL,
     STATE_BALL_X,
     STATE_BALL_Y,
+    STATE_CLOSEST,
     STATE_COS,
     STATE_SIZE,
     STATE_X,
@@ -59,6 +60,7 @@ def reset_run(
     state[STATE_X] = scenario[SCENARIO_START_X] + robot[ROBOT_CENTER_X]
     state[STATE_Y] = scenario[SCENARIO_START_Y] + robot[ROBOT_CENTER_Y]
     state[STATE_COS] = 1.0
+    state[STATE_CLOSEST] = np.inf
     if settings[SETTING_HAS_BALL] != 0.0:
         state[STATE_BALL_X] = scenario[SCENARIO_SEEN_X]
         state[STATE_BALL_Y] = scenario[SCENARIO_SEEN_Y]

@@ -1,0 +1,32 @@
+"""What a search maximises: the fitness, and what may be added to it. Source: paper section 6."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.engines.base import Evaluation
+from ncrs_envs.tasks import TaskSettings, playfield
+
+
+def objective(
+    evaluation: Evaluation,
+    settings: TaskSettings,
+    success_bonus: float = 0.0,
+    approach_bonus: float = 0.0,
+) -> NDArray[np.float64]:
+    """Mean over the runs of what the search should maximise, shape ``(P,)``.
+
+    The fitness of the paper is the mean reward, which hardly changes when a robot comes near enough
+    at last. The paper's discussion suggests to shape it by success.
+
+    Args:
+        evaluation: of P genomes.
+        settings: the task's.
+        success_bonus: what a run that succeeds earns beside its mean reward.
+        approach_bonus: what a run earns for its closest approach ``d``, times ``exp(-d / P)``: of
+            the robot to the light, or of the ball to the target.
+    """
+    approach = np.exp(-evaluation.closest / playfield(settings.grid_size))
+    bonus = success_bonus * evaluation.success + approach_bonus * approach
+    return np.asarray(evaluation.fitness + bonus.mean(axis=1))
