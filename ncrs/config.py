@@ -90,9 +90,11 @@ def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
     assert isinstance(values, dict)
     config = config_from_dict({str(key): value for key, value in values.items()})
     if config.resume is None:
-        # A run's record names the engine that it really used.
+        # A run's record names what it really used.
         return replace(
-            config, engine=replace(config.engine, name=resolve_engine(config.engine.name))
+            config,
+            engine=replace(config.engine, name=resolve_engine(config.engine.name)),
+            mirroring=config.resolved_mirroring(),
         )
     given = _parse(overrides)
     own = load_config(Path(config.resume))

@@ -17,7 +17,7 @@ from ncrs.checkpoint import write_json
 from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
 from ncrs.optimizers.base import check_settings
 from ncrs_envs.body import DEFAULT_GRID_SIZE
-from ncrs_envs.mirroring import check_mirroring
+from ncrs_envs.mirroring import Mirroring, resolve_mirroring
 from ncrs_envs.tasks import TaskSettings, task_settings
 
 SETTINGS_FILE = "config.json"
@@ -104,7 +104,8 @@ class TrainConfig:
     common_scenarios: bool = True
     """Whether a generation's genomes share their scenarios (common random numbers)."""
     mirroring: str = "none"
-    """"none", or whether scenarios come in mirror images: "all", or "front_back" in LightChase."""
+    """"none", or whether scenarios come in mirror images: "all", or "front_back" in LightChase;
+    or "auto", see ``ncrs_envs.mirroring``."""
     symmetric: bool = False
     """Search only automata that treat left and right alike."""
     success_bonus: float = 0.0
@@ -129,10 +130,14 @@ class TrainConfig:
         """The task with its settings, checked."""
         return self.task.checked()
 
+    def resolved_mirroring(self) -> Mirroring:
+        """The mirroring that "auto" stands for, or the one given, checked."""
+        return resolve_mirroring(self.mirroring, self.task_settings().task, self.symmetric)
+
     def check(self) -> TrainConfig:
         """Return this if all values are in range, else raise ``ConfigError``."""
         try:
-            check_mirroring(self.mirroring, self.task_settings().task)
+            self.resolved_mirroring()
             optimizer = check_settings(self.optimizer.name, self.optimizer.given())
             resolve_engine(self.engine.name)
             check_workers(self.engine.workers)

@@ -32,7 +32,7 @@ from ncrs.reestimation import reestimate, seed_row
 from ncrs.settings import ConfigError, TrainConfig, save_config
 from ncrs.signals import StopRequest
 from ncrs.standstill import standing_still_fitness
-from ncrs_envs.mirroring import check_mirroring, draw_scenarios
+from ncrs_envs.mirroring import draw_scenarios
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 CHECKPOINT_FOLDER = "checkpoints"
@@ -90,7 +90,7 @@ class Trainer:
         self._run_dir = run_dir
         self._settings = config.task_settings()
         self._layout = nca_layout(self._settings.task)
-        self._mirroring = check_mirroring(config.mirroring, self._settings.task)
+        self._mirroring = config.resolved_mirroring()
         try:
             self._optimizer = make_optimizer(
                 config.optimizer.name,

@@ -27,19 +27,45 @@ from ncrs_envs.tasks import Task, get_task
 Mirroring = Literal["none", "front_back", "all"]
 MIRRORINGS: tuple[Mirroring, ...] = ("none", "front_back", "all")
 
+AUTO_MIRRORING = "auto"
+"""Stands for the images that a search of that kind can learn from."""
+
 Image = Callable[[Scenario], Scenario]
 
 
 def check_mirroring(kind: Any, task: Task) -> Mirroring:
     """Return ``kind`` if the task can be mirrored so, else raise ``ScenarioError``."""
     if kind not in MIRRORINGS:
-        raise ScenarioError(f"mirroring must be one of {list(MIRRORINGS)}, got {kind!r}.")
+        raise ScenarioError(
+            f"mirroring must be one of {list(MIRRORINGS)}, or {AUTO_MIRRORING} in a training run, "
+            f"got {kind!r}."
+        )
     if kind == "front_back" and _is_directed(task):
         raise ScenarioError(
             f"{task.name} has no front and back to exchange: the robot starts at the bottom. Use "
             "mirroring none or all."
         )
     return kind  # type: ignore[no-any-return]
+
+
+def resolve_mirroring(kind: Any, task: Task, symmetric: bool) -> Mirroring:
+    """The mirroring that a name stands for.
+
+    Args:
+        kind: one of ``MIRRORINGS``, or "auto": all images that lead a robot to do something else.
+            For robots that treat left and right alike that leaves "front_back" in LightChase and
+            "none" in the other tasks; for all others it is "all".
+        task: the task.
+        symmetric: whether the robots treat left and right alike.
+
+    Raises:
+        ScenarioError: no such mirroring, or none for the task.
+    """
+    if kind != AUTO_MIRRORING:
+        return check_mirroring(kind, task)
+    if not symmetric:
+        return "all"
+    return "none" if _is_directed(task) else "front_back"
 
 
 def _is_directed(task: Task) -> bool:

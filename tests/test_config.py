@@ -44,6 +44,20 @@ def test_auto_is_recorded_as_the_engine_that_it_stands_for(composed, monkeypatch
     assert composed("engine=auto").engine.name == "box2d"
 
 
+@pytest.mark.parametrize(
+    ("overrides", "mirroring"),
+    [
+        ([], "front_back"),
+        (["symmetric=false"], "all"),
+        (["task=obstacle"], "none"),
+        (["task=carry_ball", "symmetric=false"], "all"),
+        (["mirroring=none"], "none"),
+    ],
+)
+def test_mirroring_follows_the_task_and_the_symmetry(composed, overrides, mirroring):
+    assert composed(*overrides).mirroring == mirroring
+
+
 @pytest.mark.parametrize("task", sorted(TASKS))
 def test_the_papers_cma_es(composed, task):
     config = composed(f"experiment=paper/{task}_cma_es")
@@ -53,6 +67,7 @@ def test_the_papers_cma_es(composed, task):
     assert config.optimizer.population == 112
     assert config.optimizer.told_popsize is True
     assert (config.generations, config.runs) == (20000, 12)
+    assert (config.symmetric, config.mirroring) == (False, "none")
     score = "inverse_square" if task == "carry_ball" else "exponential"
     assert config.task.distance_score == score
 
@@ -67,6 +82,7 @@ def test_the_papers_cma_me(composed, task):
     assert (optimizer.emitters, optimizer.patience) == (15, 500)
     assert optimizer.diagonal is False
     assert (config.generations, config.runs) == (60000, 12)
+    assert (config.symmetric, config.mirroring) == (False, "none")
     score = "inverse_square" if task == "carry_ball" else "exponential"
     assert config.task.distance_score == score
 

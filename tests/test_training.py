@@ -42,6 +42,7 @@ COMMAND = [
     sys.executable, "train.py", "engine=box2d", "engine.workers=1", "optimizer.sigma=0.1",
     "optimizer.population=16", "optimizer.told_popsize=true", f"generations={GENERATIONS}",
     "runs=2", "champion_every=2", "champion_runs=3", "checkpoint_seconds=0", "seed=1",
+    "symmetric=false", "mirroring=none", "optimizer.step_size=csa",
 ]  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from ncrs.optimizers.pycma_state import capture, restore
 
 # "decay" keeps the path of "csa", from which pycma tells stalls, but not its step size.
 STEP_SIZES = {"csa": CMAAdaptSigmaCSA, "tpa": CMAAdaptSigmaTPA, "decay": CMAAdaptSigmaCSA}
-SIGMA_DECAY = 0.996
+SIGMA_DECAY = 0.9975
 SIGMA_LEAST = 0.0015
 RESTART_FROM = ("mean", "best")
 LINEAR_ALGEBRA = ("torch", "pycma")
@@ -38,7 +38,7 @@ class CMAES(Optimizer):
         step_size: how sigma adapts: "csa" (cumulative path length, as in the paper's time) or
             "tpa" (two-point adaptation, newer pycma's choice for many dimensions); or "decay": a
             fixed schedule, which neither noise nor plateaus can collapse.
-        sigma_decay: with "decay", sigma's factor per generation (default 0.996).
+        sigma_decay: with "decay", sigma's factor per generation (default 0.9975).
         sigma_least: with "decay", where it ends (default 0.0015).
         diagonal: learn variances only (separable CMA-ES): linear instead of quadratic memory and
             faster learning rates.
