@@ -27,3 +27,14 @@ def test_the_braitenberg_vehicle_solves_light_chase(baselines):
 def test_all_bodies_suit_their_task(baselines, task):
     fitness, _ = baselines["run"](task, baselines["full_throttle"], 1)
     assert 0.1 < fitness < 0.8
+
+
+def test_steering_by_the_target_carries_more_balls_than_chasing_them(baselines):
+    body = ncrs_envs.parse_body(baselines["BODIES"]["carry_ball"])
+    successes = [
+        baselines["run"]("carry_ball", baselines[name](body, baselines["GAIN"]["carry_ball"]), 24)[
+            1
+        ]
+        for name in ("braitenberg", "catch_and_carry")
+    ]
+    assert successes[0] < successes[1]
