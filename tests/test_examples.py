@@ -31,10 +31,9 @@ def test_all_bodies_suit_their_task(baselines, task):
 
 def test_steering_by_the_target_carries_more_balls_than_chasing_them(baselines):
     body = ncrs_envs.parse_body(baselines["BODIES"]["carry_ball"])
-    successes = [
-        baselines["run"]("carry_ball", baselines[name](body, baselines["GAIN"]["carry_ball"]), 24)[
-            1
-        ]
-        for name in ("braitenberg", "catch_and_carry")
-    ]
+    gain = baselines["GAIN"]["carry_ball"]
+    successes = []
+    for name in ("braitenberg", "catch_and_carry"):
+        _, count = baselines["run"]("carry_ball", baselines[name](body, gain), 24)
+        successes.append(count)
     assert successes[0] < successes[1]
