@@ -25,6 +25,8 @@ OPTIMIZERS = {
     "cma_me": EMITTERS,
     "cma_mae": EMITTERS,
     "map_elites": {"population": 10, "initial_genomes": 30},
+    # The full covariance of 4,572 weights: checkpoints of 84 MB, written in the background.
+    "cma_es": {"population": 10, "sigma": 0.1},
 }
 
 
@@ -112,6 +114,7 @@ train(dataclasses.replace(load_config(Path(folder)), resume=folder), folder)
         ("cma_me", "checkpoint", 6),
         ("cma_mae", "checkpoint", 7),
         ("map_elites", "tell", 3),
+        ("cma_es", "checkpoint", 3),
     ],
 )
 def test_a_run_killed_where_it_hurts_ends_bit_equal(undisturbed, tmp_path, name, where, calls):
