@@ -94,7 +94,7 @@ def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
         return replace(
             config,
             engine=replace(config.engine, name=resolve_engine(config.engine.name)),
-            mirroring=config.resolved_mirroring(),
+            mirroring=config.sampling().mirroring,
         )
     given = _parse(overrides)
     own = load_config(Path(config.resume))

@@ -15,7 +15,7 @@ from ncrs.layout import nca_layout
 from ncrs.nca import NCA
 from ncrs.settings import TaskConfig, run_file
 from ncrs_envs.body import Cell, parse_body
-from ncrs_envs.mirroring import Mirroring, check_mirroring, draw_scenarios
+from ncrs_envs.mirroring import PLAIN_SAMPLING, ScenarioSampling
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import Task, TaskSettings
 
@@ -60,8 +60,8 @@ class Elite:
     """Entropy, then spawn key, of its scenarios."""
     runs: int
     """Number of its scenarios."""
-    mirroring: Mirroring = "none"
-    """How they were drawn, see ``ncrs_envs.mirroring``."""
+    sampling: ScenarioSampling = PLAIN_SAMPLING
+    """How they were drawn."""
 
     @property
     def nca(self) -> NCA:
@@ -73,9 +73,7 @@ class Elite:
         """The scenarios in which it earned its fitness."""
         entropy, *key = self.evaluation_seed
         stream = np.random.SeedSequence(entropy, spawn_key=key)
-        return draw_scenarios(
-            self.task.name, stream, self.runs, self.task.grid_size, self.mirroring
-        )
+        return self.sampling.draw(self.task.name, stream, self.runs, self.task.grid_size)
 
 
 @dataclass(frozen=True)
@@ -86,8 +84,8 @@ class EliteArchive:
     archive: Archive
     runs: int
     """Scenarios behind each elite's fitness."""
-    mirroring: Mirroring = "none"
-    """How they were drawn, see ``ncrs_envs.mirroring``."""
+    sampling: ScenarioSampling = PLAIN_SAMPLING
+    """How they were drawn."""
 
     def elite(self, features: Sequence[int]) -> Elite:
         """The elite with these features: sensors, wheels, cells.
@@ -119,7 +117,7 @@ class EliteArchive:
             generation=int(archive.column("generations")[index]),
             evaluation_seed=tuple(number for number in seed if number >= 0),
             runs=self.runs,
-            mirroring=self.mirroring,
+            sampling=self.sampling,
         )
 
     def _missing(self, triple: tuple[int, int, int], *, possible: bool) -> str:
@@ -140,7 +138,7 @@ class EliteArchive:
         state = {
             "task": asdict(self.task),
             "runs": self.runs,
-            "mirroring": self.mirroring,
+            "sampling": asdict(self.sampling),
             "archive": self.archive.state(),
         }
         write_state(path, state)
@@ -166,7 +164,7 @@ def load_archive(path: str | Path) -> EliteArchive:
             Archive.from_state(state["archive"]),
             int(state["runs"]),
             # Archives written before there was a choice have none.
-            check_mirroring(state.get("mirroring", "none"), task.checked().task),
+            ScenarioSampling(**state.get("sampling", {})).check(task.checked().task),
         )
         expected = make_archive(task.checked())
     except (TypeError, KeyError, ValueError) as error:

@@ -7,7 +7,7 @@ import numpy as np
 from ncrs.archive import SEED_LENGTH, Archive
 from ncrs.engines.base import Engine, StopCheck
 from ncrs.standstill import standing_still_fitness
-from ncrs_envs.mirroring import Mirroring, draw_scenarios
+from ncrs_envs.mirroring import PLAIN_SAMPLING, ScenarioSampling
 
 # Genomes per call of the engine: bounds its memory, and how long a stop has to wait.
 _CHUNK = 256
@@ -26,7 +26,7 @@ def reestimate(
     stream: np.random.SeedSequence,
     runs: int,
     should_stop: StopCheck | None = None,
-    mirroring: Mirroring = "none",
+    sampling: ScenarioSampling = PLAIN_SAMPLING,
 ) -> None:
     """Evaluate all elites on the same fresh scenarios, and keep those estimates instead.
 
@@ -38,14 +38,14 @@ def reestimate(
         stream: of the scenarios.
         runs: number of scenarios.
         should_stop: polled now and then; True ends the evaluation.
-        mirroring: of the scenarios, see ``draw_scenarios``.
+        sampling: how the scenarios are drawn.
 
     Raises:
         EngineError: a worker was lost.
         EvaluationInterrupted: ``should_stop`` returned True.
     """
     settings = engine.settings
-    scenarios = draw_scenarios(settings.task, stream, runs, settings.grid_size, mirroring)
+    scenarios = sampling.draw(settings.task, stream, runs, settings.grid_size)
     genomes = archive.column("genomes")
     if not len(genomes):
         return

@@ -17,7 +17,8 @@ from ncrs.checkpoint import write_json
 from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
 from ncrs.optimizers.base import check_settings
 from ncrs_envs.body import DEFAULT_GRID_SIZE
-from ncrs_envs.mirroring import Mirroring, resolve_mirroring
+from ncrs_envs.mirroring import ScenarioSampling, resolve_mirroring
+from ncrs_envs.scenario import NOISE
 from ncrs_envs.tasks import TaskSettings, task_settings
 
 SETTINGS_FILE = "config.json"
@@ -106,6 +107,9 @@ class TrainConfig:
     mirroring: str = "none"
     """"none", or whether scenarios come in mirror images: "all", or "front_back" in LightChase;
     or "auto", see ``ncrs_envs.mirroring``."""
+    placement_noise: float = NOISE
+    """Of light or ball in training, as a share of the playfield extent; champions are compared on
+    the task's own 0.05."""
     symmetric: bool = False
     """Search only automata that treat left and right alike."""
     success_bonus: float = 0.0
@@ -130,14 +134,16 @@ class TrainConfig:
         """The task with its settings, checked."""
         return self.task.checked()
 
-    def resolved_mirroring(self) -> Mirroring:
-        """The mirroring that "auto" stands for, or the one given, checked."""
-        return resolve_mirroring(self.mirroring, self.task_settings().task, self.symmetric)
+    def sampling(self) -> ScenarioSampling:
+        """How scenarios are drawn, with the mirroring that "auto" stands for; checked."""
+        task = self.task_settings().task
+        mirroring = resolve_mirroring(self.mirroring, task, self.symmetric)
+        return ScenarioSampling(mirroring, self.placement_noise).check(task)
 
     def check(self) -> TrainConfig:
         """Return this if all values are in range, else raise ``ConfigError``."""
         try:
-            self.resolved_mirroring()
+            self.sampling()
             optimizer = check_settings(self.optimizer.name, self.optimizer.given())
             resolve_engine(self.engine.name)
             check_workers(self.engine.workers)

@@ -32,7 +32,6 @@ from ncrs.reestimation import reestimate, seed_row
 from ncrs.settings import ConfigError, TrainConfig, save_config
 from ncrs.signals import StopRequest
 from ncrs.standstill import standing_still_fitness
-from ncrs_envs.mirroring import draw_scenarios
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 CHECKPOINT_FOLDER = "checkpoints"
@@ -90,7 +89,7 @@ class Trainer:
         self._run_dir = run_dir
         self._settings = config.task_settings()
         self._layout = nca_layout(self._settings.task)
-        self._mirroring = config.resolved_mirroring()
+        self._sampling = config.sampling()
         try:
             self._optimizer = make_optimizer(
                 config.optimizer.name,
@@ -202,7 +201,7 @@ class Trainer:
                         with self._timer.phase("reestimate"):
                             stream = self._stream(_REESTIMATION_STREAM, self._generation)
                             reestimate(
-                                self._archive, engine, stream, config.runs, stop, self._mirroring
+                                self._archive, engine, stream, config.runs, stop, self._sampling
                             )
                     genomes, evaluation, added = self._evolve(engine, stop)
                 except EvaluationInterrupted:
@@ -289,7 +288,7 @@ class Trainer:
     def _scenarios(self, stream: np.random.SeedSequence) -> list[Scenario]:
         settings = self._settings
         runs, size = self._config.runs, settings.grid_size
-        return draw_scenarios(settings.task, stream, runs, size, self._mirroring)
+        return self._sampling.draw(settings.task, stream, runs, size)
 
     def _count(self, evaluation: Evaluation) -> None:
         self._evaluations += len(evaluation.fitness)
@@ -354,7 +353,7 @@ class Trainer:
         self._checkpoints.save_in_background(self._generation, self._state())
         if self._champion is not None:
             self._champion.save(self._run_dir / CHAMPION_FILE)
-        elites = EliteArchive(self._config.task, self._archive, self._config.runs, self._mirroring)
+        elites = EliteArchive(self._config.task, self._archive, self._config.runs, self._sampling)
         elites.save(self._run_dir / ARCHIVE_FILE)
 
     def _state(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Scenarios that come in mirror images of each other.
+"""How the scenarios of an evaluation are drawn: independently, or in mirror images.
 
 A robot that drives blindly earns what the noise on the placements happens to give it. In mirror
 images that cancels, so what is left to select for is what the robot does with its sensors.
@@ -7,17 +7,19 @@ images that cancels, so what is left to select for is what the robot does with i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from ncrs_envs.body import DEFAULT_GRID_SIZE
 from ncrs_envs.scenario import (
+    NOISE,
     Point,
     Polyline,
     Scenario,
     ScenarioError,
+    check_noise,
     sample_scenario,
     sample_scenarios,
     scenario_streams,
@@ -129,14 +131,12 @@ _COLUMN_IMAGES: Sequence[tuple[int, Image]] = (
 )
 
 
-def draw_scenarios(
-    task: str | Task,
-    seed: int | Sequence[int] | np.random.SeedSequence,
-    n: int = 12,
-    grid_size: int = DEFAULT_GRID_SIZE,
-    mirroring: Mirroring = "none",
-) -> list[Scenario]:
-    """Draw the scenarios of one evaluation, independently or in mirror images.
+@dataclass(frozen=True)
+class ScenarioSampling:
+    """How the scenarios of evaluations are drawn; the default is the task's own way."""
+
+    mirroring: Mirroring = "none"
+    """Independently, or in mirror images:
 
     - "none": as ``sample_scenarios``.
     - "all": four by four. In LightChase the four are one light in all four corners; in the other
@@ -144,32 +144,58 @@ def draw_scenarios(
     - "front_back": LightChase only, two by two: a light before the robot, on the right and on the
       left in turn, and its image behind it. For robots that treat left and right alike, which do
       the same in left-right images.
-
-    Args:
-        task: task or its name.
-        seed: one seed decides all; the first sets of a longer evaluation equal those of a shorter.
-        n: number of runs, at least 1; the last set is cut short if need be.
-        grid_size: side of the body grid.
-        mirroring: "none", "front_back" or "all".
-
-    Raises:
-        ScenarioError: ``n`` is not a positive integer; or no such mirroring for the task.
-        TaskError: unknown task.
     """
-    task = get_task(task)
-    check_mirroring(mirroring, task)
-    if mirroring == "none":
-        return sample_scenarios(task, seed, n, grid_size)
-    size = 2 if mirroring == "front_back" else 4
-    scenarios: list[Scenario] = []
-    for index, stream in enumerate(scenario_streams(seed, n, per_stream=size)):
-        if mirroring == "front_back":
-            ahead = sample_scenario(task, stream, 2 + index % 2, grid_size)
-            scenarios += [ahead, mirror_front_back(ahead)]
-        elif _is_directed(task):
-            draws = [sample_scenario(task, stream, region, grid_size) for region in (0, 1)]
-            scenarios += [image(draws[draw]) for draw, image in _COLUMN_IMAGES]
-        else:
-            ahead = sample_scenario(task, stream, 2, grid_size)
-            scenarios += [image(ahead) for _, image in _LIGHT_CHASE_IMAGES]
-    return scenarios[:n]
+    noise: float = NOISE
+    """Of the placements, see ``sample_scenario``."""
+
+    def check(self, task: Task) -> ScenarioSampling:
+        """Return this if the task can be sampled so, else raise ``ScenarioError``."""
+        check_mirroring(self.mirroring, task)
+        check_noise(self.noise)
+        return self
+
+    def draw(
+        self,
+        task: str | Task,
+        seed: int | Sequence[int] | np.random.SeedSequence,
+        n: int = 12,
+        grid_size: int = DEFAULT_GRID_SIZE,
+    ) -> list[Scenario]:
+        """Draw the scenarios of one evaluation.
+
+        Args:
+            task: task or its name.
+            seed: one seed decides all; the first sets of a longer evaluation equal those of a
+                shorter.
+            n: number of runs, at least 1; the last set is cut short if need be.
+            grid_size: side of the body grid.
+
+        Raises:
+            ScenarioError: ``n`` is not a positive integer; or the task cannot be sampled so.
+            TaskError: unknown task.
+        """
+        task = get_task(task)
+        self.check(task)
+        if self.mirroring == "none":
+            return sample_scenarios(task, seed, n, grid_size, self.noise)
+        scenarios: list[Scenario] = []
+        size = 2 if self.mirroring == "front_back" else 4
+        for index, stream in enumerate(scenario_streams(seed, n, per_stream=size)):
+
+            def draw(region: int, stream: np.random.Generator = stream) -> Scenario:
+                return sample_scenario(task, stream, region, grid_size, self.noise)
+
+            if self.mirroring == "front_back":
+                ahead = draw(2 + index % 2)
+                scenarios += [ahead, mirror_front_back(ahead)]
+            elif _is_directed(task):
+                draws = [draw(0), draw(1)]
+                scenarios += [image(draws[which]) for which, image in _COLUMN_IMAGES]
+            else:
+                ahead = draw(2)
+                scenarios += [image(ahead) for _, image in _LIGHT_CHASE_IMAGES]
+        return scenarios[:n]
+
+
+PLAIN_SAMPLING = ScenarioSampling()
+"""The task's own way."""

@@ -26,6 +26,7 @@ Polyline = tuple[Point, ...]
 FAR = 0.6
 NEAR = 0.3
 NOISE = 0.05
+LARGEST_NOISE = 0.4
 START_Y = -0.85
 CORNER_REGIONS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 COLUMN_REGIONS = (-FAR, -NEAR, NEAR, FAR)
@@ -153,6 +154,7 @@ def sample_scenario(
     rng: np.random.Generator,
     region: int | None = None,
     grid_size: int = DEFAULT_GRID_SIZE,
+    noise: float = NOISE,
 ) -> Scenario:
     """Draw one scenario.
 
@@ -163,15 +165,18 @@ def sample_scenario(
             counter-clockwise from the lower left, columns from left to right), or None for a
             uniformly random one.
         grid_size: side of the body grid, which scales the playfield and the walls.
+        noise: how far light or ball may lie from the region's middle on each axis, as a share of
+            the playfield extent, 0 to 0.4; 0.05 in the paper.
 
     Raises:
-        ScenarioError: unknown region.
+        ScenarioError: unknown region, or noise out of range.
         TaskError: unknown task.
     """
     task = get_task(task)
     extent = playfield(check_grid_size(grid_size))
+    check_noise(noise)
     region = int(rng.integers(REGIONS)) if region is None else check_region(region)
-    noise_x, noise_y = rng.uniform(-NOISE * extent, NOISE * extent, size=2)
+    noise_x, noise_y = rng.uniform(-noise * extent, noise * extent, size=2)
     if not (task.has_walls or task.has_ball):
         sign_x, sign_y = CORNER_REGIONS[region]
         light = (sign_x * FAR * extent + noise_x, sign_y * FAR * extent + noise_y)
@@ -207,6 +212,20 @@ def check_region(region: Any) -> int:
     ):
         raise ScenarioError(f"region must be an integer from 0 to {REGIONS - 1}, got {region!r}.")
     return int(region)
+
+
+def check_noise(noise: Any) -> float:
+    """Return ``noise`` as a float in [0, 0.4], which keeps all in the playfield, else raise
+    ``ScenarioError``."""
+    if (
+        isinstance(noise, bool)
+        or not isinstance(noise, int | float | np.number)
+        or not 0.0 <= noise <= LARGEST_NOISE
+    ):
+        raise ScenarioError(
+            f"The noise of the placements must lie in 0 to {LARGEST_NOISE}, got {noise!r}."
+        )
+    return float(noise)
 
 
 def _sample_walls(rng: np.random.Generator, grid_size: int) -> tuple[Polyline, Polyline]:
@@ -254,6 +273,7 @@ def sample_scenarios(
     seed: int | Sequence[int] | np.random.SeedSequence,
     n: int = 12,
     grid_size: int = DEFAULT_GRID_SIZE,
+    noise: float = NOISE,
 ) -> list[Scenario]:
     """Draw the scenarios of one evaluation: run ``i`` uses region ``i mod 4``.
 
@@ -263,13 +283,14 @@ def sample_scenarios(
             evaluation equal those of a shorter one.
         n: number of runs, at least 1.
         grid_size: side of the body grid.
+        noise: see ``sample_scenario``.
 
     Raises:
-        ScenarioError: ``n`` is not a positive integer.
+        ScenarioError: ``n`` is not a positive integer, or noise out of range.
         TaskError: unknown task.
     """
     return [
-        sample_scenario(task, stream, region=i % REGIONS, grid_size=grid_size)
+        sample_scenario(task, stream, region=i % REGIONS, grid_size=grid_size, noise=noise)
         for i, stream in enumerate(scenario_streams(seed, n))
     ]
 

@@ -223,7 +223,7 @@ def test_symmetric_search_on_mirrored_scenarios(tmp_path):
     """What is archived is what was evaluated, on the scenarios that the elite names."""
     train(config(symmetric=True, mirroring="front_back", reestimate_every=0), tmp_path)
     archive = load_archive(tmp_path)
-    assert archive.mirroring == "front_back"
+    assert archive.sampling.mirroring == "front_back"
     layout = nca_layout("light_chase")
     for features in archive.archive.features[:3].tolist():
         elite = archive.elite(features)

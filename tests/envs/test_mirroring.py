@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from ncrs_envs.mirroring import (
+    PLAIN_SAMPLING,
+    ScenarioSampling,
     check_mirroring,
-    draw_scenarios,
     mirror_front_back,
     mirror_left_right,
 )
@@ -15,7 +16,7 @@ from ncrs_envs.tasks import TASKS, get_task
 
 @pytest.mark.parametrize("task", TASKS)
 def test_none_draws_as_ever(task):
-    assert draw_scenarios(task, 3, 5) == sample_scenarios(task, 3, 5)
+    assert PLAIN_SAMPLING.draw(task, 3, 5) == sample_scenarios(task, 3, 5)
 
 
 @pytest.mark.parametrize("task", TASKS)
@@ -28,7 +29,7 @@ def test_mirroring_twice_gives_the_scenario_back(task):
 
 
 def test_the_light_stands_in_all_four_corners():
-    lights = np.array([s.light for s in draw_scenarios("light_chase", 1, 8, mirroring="all")])
+    lights = np.array([s.light for s in ScenarioSampling("all").draw("light_chase", 1, 8)])
     np.testing.assert_array_equal(np.sign(lights), np.tile(CORNER_REGIONS, (2, 1)))
     for four in (lights[:4], lights[4:]):
         np.testing.assert_allclose(four.sum(axis=0), 0.0, atol=1e-12)
@@ -36,7 +37,7 @@ def test_the_light_stands_in_all_four_corners():
 
 
 def test_front_and_back_alternate_and_sides_take_turns():
-    drawn = draw_scenarios("light_chase", 1, 6, mirroring="front_back")
+    drawn = ScenarioSampling("front_back").draw("light_chase", 1, 6)
     lights = np.array([s.light for s in drawn])
     np.testing.assert_array_equal(np.sign(lights[:, 1]), [1, -1, 1, -1, 1, -1])
     np.testing.assert_array_equal(np.sign(lights[:, 0]), [1, 1, -1, -1, 1, 1])
@@ -45,7 +46,7 @@ def test_front_and_back_alternate_and_sides_take_turns():
 
 @pytest.mark.parametrize("task", ["obstacle", "carry_ball"])
 def test_columns_come_with_their_left_right_images(task):
-    drawn = draw_scenarios(task, 5, 4, mirroring="all")
+    drawn = ScenarioSampling("all").draw(task, 5, 4)
     assert drawn[2] == mirror_left_right(drawn[1])
     assert drawn[3] == mirror_left_right(drawn[0])
     seen = [s.light or s.ball for s in drawn]
@@ -56,11 +57,11 @@ def test_columns_come_with_their_left_right_images(task):
 
 @pytest.mark.parametrize("mirroring", ["front_back", "all"])
 def test_a_longer_evaluation_begins_with_the_shorter(mirroring):
-    short = draw_scenarios("light_chase", 7, 5, mirroring=mirroring)
+    short = ScenarioSampling(mirroring).draw("light_chase", 7, 5)
     assert len(short) == 5
-    assert draw_scenarios("light_chase", 7, 12, mirroring=mirroring)[:5] == short
+    assert ScenarioSampling(mirroring).draw("light_chase", 7, 12)[:5] == short
     seed = np.random.SeedSequence(7)
-    assert draw_scenarios("light_chase", seed, 5, mirroring=mirroring) == short
+    assert ScenarioSampling(mirroring).draw("light_chase", seed, 5) == short
 
 
 @pytest.mark.parametrize(
@@ -75,4 +76,23 @@ def test_what_cannot_be_mirrored_is_refused(task, mirroring, message):
     with pytest.raises(ScenarioError, match=message):
         check_mirroring(mirroring, get_task(task))
     with pytest.raises(ScenarioError, match=message):
-        draw_scenarios(task, 0, 4, mirroring=mirroring)
+        ScenarioSampling(mirroring).draw(task, 0, 4)
+
+
+@pytest.mark.parametrize("task", sorted(TASKS))
+@pytest.mark.parametrize("mirroring", ["none", "all"])
+def test_noise_spreads_what_the_robot_looks_for(task, mirroring):
+    """Over 200 draws it fills most of its range, which lies in the playfield."""
+    drawn = ScenarioSampling(mirroring, 0.25).draw(task, 2, 200)
+    heights = np.array([(s.light or s.ball)[1] for s in drawn]) / 60.0
+    if task == "light_chase":
+        heights = np.abs(heights)
+    assert 0.4 < np.ptp(heights) <= 0.5
+    for scenario in drawn:
+        scenario.check(get_task(task), 5)
+
+
+@pytest.mark.parametrize("noise", [-0.1, 0.41, float("nan"), True, "0.1"])
+def test_noise_out_of_range_is_refused(noise):
+    with pytest.raises(ScenarioError, match=r"0 to 0\.4"):
+        ScenarioSampling("none", noise).draw("light_chase", 0, 4)
