@@ -164,7 +164,7 @@ def load_archive(path: str | Path) -> EliteArchive:
             Archive.from_state(state["archive"]),
             int(state["runs"]),
             # Archives written before there was a choice have none.
-            ScenarioSampling(**state.get("sampling", {})).check(task.checked().task),
+            ScenarioSampling(**state.get("sampling", {})).check(),
         )
         expected = make_archive(task.checked())
     except (TypeError, KeyError, ValueError) as error:

@@ -105,8 +105,8 @@ class TrainConfig:
     common_scenarios: bool = True
     """Whether a generation's genomes share their scenarios (common random numbers)."""
     mirroring: str = "none"
-    """"none", or whether scenarios come in mirror images: "all", or "front_back" in LightChase;
-    or "auto", see ``ncrs_envs.mirroring``."""
+    """"none", or whether scenarios come in mirror images: "front_back", "all", or "auto", see
+    ``ncrs_envs.mirroring``."""
     placement_noise: float = NOISE
     """Of light or ball in training, as a share of the playfield extent; champions are compared on
     the task's own 0.05."""
@@ -138,7 +138,7 @@ class TrainConfig:
         """How scenarios are drawn, with the mirroring that "auto" stands for; checked."""
         task = self.task_settings().task
         mirroring = resolve_mirroring(self.mirroring, task, self.symmetric)
-        return ScenarioSampling(mirroring, self.placement_noise).check(task)
+        return ScenarioSampling(mirroring, self.placement_noise).check()
 
     def check(self) -> TrainConfig:
         """Return this if all values are in range, else raise ``ConfigError``."""

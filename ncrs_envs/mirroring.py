@@ -35,17 +35,12 @@ AUTO_MIRRORING = "auto"
 Image = Callable[[Scenario], Scenario]
 
 
-def check_mirroring(kind: Any, task: Task) -> Mirroring:
-    """Return ``kind`` if the task can be mirrored so, else raise ``ScenarioError``."""
+def check_mirroring(kind: Any) -> Mirroring:
+    """Return ``kind`` if there is such a mirroring, else raise ``ScenarioError``."""
     if kind not in MIRRORINGS:
         raise ScenarioError(
             f"mirroring must be one of {list(MIRRORINGS)}, or {AUTO_MIRRORING} in a training run, "
             f"got {kind!r}."
-        )
-    if kind == "front_back" and _is_directed(task):
-        raise ScenarioError(
-            f"{task.name} has no front and back to exchange: the robot starts at the bottom. Use "
-            "mirroring none or all."
         )
     return kind  # type: ignore[no-any-return]
 
@@ -61,10 +56,10 @@ def resolve_mirroring(kind: Any, task: Task, symmetric: bool) -> Mirroring:
         symmetric: whether the robots treat left and right alike.
 
     Raises:
-        ScenarioError: no such mirroring, or none for the task.
+        ScenarioError: no such mirroring.
     """
     if kind != AUTO_MIRRORING:
-        return check_mirroring(kind, task)
+        return check_mirroring(kind)
     if not symmetric:
         return "all"
     return "none" if _is_directed(task) else "front_back"
@@ -76,35 +71,39 @@ def _is_directed(task: Task) -> bool:
 
 def mirror_left_right(scenario: Scenario) -> Scenario:
     """The scenario with all x negated; the walls change sides."""
-    walls = scenario.walls
-    if walls is not None:
-        left, right = walls
-        walls = (_negate_x(right), _negate_x(left))
-    return replace(
-        scenario,
-        start=_flip(scenario.start, -1.0, 1.0),
-        light=_flip_if(scenario.light, -1.0, 1.0),
-        ball=_flip_if(scenario.ball, -1.0, 1.0),
-        target=_flip_if(scenario.target, -1.0, 1.0),
-        walls=walls,
-    )
+    image = _flipped(scenario, -1.0, 1.0)
+    return image if image.walls is None else replace(image, walls=image.walls[::-1])
 
 
 def mirror_front_back(scenario: Scenario) -> Scenario:
-    """A LightChase scenario with its light's y negated: before the robot instead of behind it."""
-    return replace(scenario, light=_flip_if(scenario.light, 1.0, -1.0))
+    """The scenario with all y negated, while the robot still heads +y: what lay before it lies
+    behind it."""
+    image = _flipped(scenario, 1.0, -1.0)
+    if image.walls is None:
+        return image
+    left, right = image.walls
+    return replace(image, walls=(left[::-1], right[::-1]))  # from bottom to top again
 
 
-def _flip(point: Point, x: float, y: float) -> Point:
-    return (x * point[0], y * point[1])
+def _flipped(scenario: Scenario, x: float, y: float) -> Scenario:
+    def flip(point: Point) -> Point:
+        return (x * point[0], y * point[1])
 
+    def flip_if(point: Point | None) -> Point | None:
+        return None if point is None else flip(point)
 
-def _flip_if(point: Point | None, x: float, y: float) -> Point | None:
-    return None if point is None else _flip(point, x, y)
+    def flip_all(line: Polyline) -> Polyline:
+        return tuple(flip(point) for point in line)
 
-
-def _negate_x(line: Polyline) -> Polyline:
-    return tuple(_flip(point, -1.0, 1.0) for point in line)
+    walls = scenario.walls
+    return replace(
+        scenario,
+        start=flip(scenario.start),
+        light=flip_if(scenario.light),
+        ball=flip_if(scenario.ball),
+        target=flip_if(scenario.target),
+        walls=None if walls is None else (flip_all(walls[0]), flip_all(walls[1])),
+    )
 
 
 def _same(scenario: Scenario) -> Scenario:
@@ -141,16 +140,18 @@ class ScenarioSampling:
     - "none": as ``sample_scenarios``.
     - "all": four by four. In LightChase the four are one light in all four corners; in the other
       tasks two draws, each with its left-right mirror image. Run ``i`` uses region ``i mod 4``.
-    - "front_back": LightChase only, two by two: a light before the robot, on the right and on the
-      left in turn, and its image behind it. For robots that treat left and right alike, which do
-      the same in left-right images.
+    - "front_back": two by two, a draw and its front-back image: for robots that treat left and
+      right alike, which do the same in left-right images. In LightChase a light before the robot,
+      on the right and on the left in turn, and its image behind it. The other tasks never put
+      things behind the robot, so there it is a training ground rather than the task: driving
+      straight on does not pay, and steering must be found.
     """
     noise: float = NOISE
     """Of the placements, see ``sample_scenario``."""
 
-    def check(self, task: Task) -> ScenarioSampling:
-        """Return this if the task can be sampled so, else raise ``ScenarioError``."""
-        check_mirroring(self.mirroring, task)
+    def check(self) -> ScenarioSampling:
+        """Return this if all is in range, else raise ``ScenarioError``."""
+        check_mirroring(self.mirroring)
         check_noise(self.noise)
         return self
 
@@ -171,11 +172,11 @@ class ScenarioSampling:
             grid_size: side of the body grid.
 
         Raises:
-            ScenarioError: ``n`` is not a positive integer; or the task cannot be sampled so.
+            ScenarioError: ``n`` is not a positive integer, or a field is out of range.
             TaskError: unknown task.
         """
         task = get_task(task)
-        self.check(task)
+        self.check()
         if self.mirroring == "none":
             return sample_scenarios(task, seed, n, grid_size, self.noise)
         scenarios: list[Scenario] = []
@@ -186,7 +187,7 @@ class ScenarioSampling:
                 return sample_scenario(task, stream, region, grid_size, self.noise)
 
             if self.mirroring == "front_back":
-                ahead = draw(2 + index % 2)
+                ahead = draw(index % 4 if _is_directed(task) else 2 + index % 2)
                 scenarios += [ahead, mirror_front_back(ahead)]
             elif _is_directed(task):
                 draws = [draw(0), draw(1)]

@@ -45,7 +45,6 @@ def test_round_trip_through_the_run_folder(tmp_path):
         ({"seed": -1}, "seed must be at least 0"),
         ({"generations": 0}, "generations must be at least 1"),
         ({"mirroring": "up_down"}, "front_back"),
-        ({"task": {"name": "obstacle"}, "mirroring": "front_back"}, "no front and back"),
         ({"optimizer": {"sigma_decay": 0.9}}, "no schedule"),
         ({"success_bonus": -1.0}, "success_bonus must be at least 0"),
         ({"approach_bonus": float("inf")}, "finite"),
