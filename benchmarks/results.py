@@ -1,6 +1,7 @@
 """The published champions: test them again, or publish the champion of a run.
 
     python -m benchmarks.results                      # the table of docs/results.md
+    python -m benchmarks.results --runs RUN ...       # the same for runs, with what they cost
     python -m benchmarks.results --collect RUN NAME   # RUN's champion becomes assets/champions/NAME
 
 The test is 100 fresh episodes, on Box2D and on the batched engine, as ``ncrs evaluate`` runs it.
@@ -39,6 +40,7 @@ from ncrs.pictures import STORY_FILE, save_pictures
 from ncrs.settings import load_config
 
 PICTURE_SIZE = 240
+HEADINGS = "fitness, Box2D | success, Box2D (95 %) | crossed | fitness, batched"
 _ARCHIVE_KEYS = ("filled", "filled_share", "qd_score", "best", "beat_standing_still", "succeed")
 
 
@@ -99,18 +101,36 @@ def collect(run: Path, name: str) -> None:
     print(f"Published {name} in {stem.parent}")
 
 
+def cells_of(champion: Champion) -> str:
+    """The cells of a table's row that say how a champion did in the test."""
+    results = tested(champion)
+    reference, batched = results["box2d"], results["batched"]
+    low, high = reference.success.interval
+    crossed = "-" if reference.crossed is None else f"{reference.crossed.share:.0%}"
+    return (
+        f"{reference.fitness:.4f} | {reference.success.share:.0%} "
+        f"({low:.0%} to {high:.0%}) | {crossed} | {batched.fitness:.4f} |"
+    )
+
+
 def table() -> None:
     """Print a row for each champion, tested anew."""
-    print("| champion | fitness, Box2D | success, Box2D (95 %) | crossed | fitness, batched |")
+    print(f"| champion | {HEADINGS} |")
     print("|---|---|---|---|---|")
     for name in champions():
-        results = tested(load_champion(name))
-        reference, batched = results["box2d"], results["batched"]
-        low, high = reference.success.interval
-        crossed = "-" if reference.crossed is None else f"{reference.crossed.share:.0%}"
+        print(f"| `{name}` | {cells_of(load_champion(name))}", flush=True)
+
+
+def table_of_runs(runs: list[Path]) -> None:
+    """Print a row for each run: what it was, what it cost, and its champion's test."""
+    print(f"| task | optimizer | evaluations | triples filled | {HEADINGS} |")
+    print("|---|---|---|---|---|---|---|---|")
+    for run in runs:
+        config, archive = load_config(run), load_archive(run).archive
+        evaluations = effort_of(run)["evaluations"]
         print(
-            f"| `{name}` | {reference.fitness:.4f} | {reference.success.share:.0%} "
-            f"({low:.0%} to {high:.0%}) | {crossed} | {batched.fitness:.4f} |",
+            f"| {config.task.name} | {config.optimizer.name} | {evaluations:,.0f} "
+            f"| {len(archive):,} | {cells_of(load_champion_file(run))}",
             flush=True,
         )
 
@@ -119,8 +139,11 @@ def main() -> None:
     """Collect a run, or print the table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--collect", nargs=2, metavar=("RUN", "NAME"))
+    parser.add_argument("--runs", nargs="+", type=Path, metavar="RUN")
     options = parser.parse_args()
-    if options.collect is None:
+    if options.runs is not None:
+        table_of_runs(options.runs)
+    elif options.collect is None:
         table()
     else:
         collect(Path(options.collect[0]), options.collect[1])

@@ -24,9 +24,10 @@ def objective(
         evaluation: of P genomes.
         settings: the task's.
         success_bonus: what a run that succeeds earns beside its mean reward.
-        approach_bonus: what a run earns for its closest approach ``d``, times ``exp(-d / P)``: of
-            the robot to the light, or of the ball to the target.
+        approach_bonus: what a run earns for its closest approach ``d`` to the light, times
+            ``exp(-d / P)``; in CarryBall the mean for the robot's closest approach to the ball and
+            the ball's to the target.
     """
-    approach = np.exp(-evaluation.closest / playfield(settings.grid_size))
+    approach = np.exp(-evaluation.closest / playfield(settings.grid_size)).mean(axis=-1)
     bonus = success_bonus * evaluation.success + approach_bonus * approach
     return np.asarray(evaluation.fitness + bonus.mean(axis=1))

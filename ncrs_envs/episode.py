@@ -43,11 +43,11 @@ class Episode:
         self.scenario = scenario
         self.world = RobotWorld(robot.body, robot.wheels, scenario)
         self.success = False
-        self.closest = math.inf
-        """Least distance yet of the kind that decides success, in units."""
         self.crossed = False
         self._extent = playfield(settings.grid_size)
         self._read_poses()
+        self.closest: tuple[float, ...] = (math.inf,) * len(self.distances)
+        """The least of each of the ``distances`` after a step so far, in units."""
 
     def _read_poses(self) -> None:
         """Fetch what the rest reads, once a step."""
@@ -64,8 +64,8 @@ class Episode:
         self.world.step(np.clip(gas, -1.0, 1.0))
         self._read_poses()
         distances = self.distances
-        self.closest = min(self.closest, distances[-1])
-        self.success = self.closest <= self.settings.success_radius
+        self.closest = tuple(map(min, self.closest, distances))
+        self.success = self.closest[-1] <= self.settings.success_radius
         self.crossed = self.crossed or self.pose[1] > 0.0
         scores = [distance_score(d, self._extent, self.settings.score) for d in distances]
         return sum(scores) / len(scores)

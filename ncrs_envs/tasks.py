@@ -72,6 +72,12 @@ class Task:
         return (Cell.TISSUE, Cell.LIGHT_SENSOR, Cell.WHEEL)
 
     @property
+    def distances(self) -> int:
+        """Number of distances that the reward is made of: robot to light; or robot to ball, and
+        ball to target."""
+        return 2 if self.has_ball else 1
+
+    @property
     def min_sensors(self) -> int:
         """Least number of sensors of all types in a valid body."""
         return sum(n for cell, n in self.required_parts if cell is not Cell.WHEEL)

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 
 from ncrs import evaluate
@@ -17,7 +19,16 @@ def test_bonuses_for_success_and_for_coming_near(full_genome, genomes):
     np.testing.assert_allclose(
         objective(result, settings, success_bonus=0.5) - result.fitness, [0.25, 0.0]
     )
-    scores = np.exp(-result.closest[0] / 60.0)
+    scores = np.exp(-result.closest[0, :, 0] / 60.0)
     np.testing.assert_allclose(
         objective(result, settings, approach_bonus=2.0) - result.fitness, [scores.sum(), 0.0]
     )
+
+
+def test_coming_near_counts_for_ball_and_target_alike():
+    settings = task_settings("carry_ball")
+    result = dataclasses.replace(
+        evaluate(np.zeros((1, 4873)), "carry_ball", runs=1), closest=np.array([[[30.0, 60.0]]])
+    )
+    bonus = objective(result, settings, approach_bonus=1.0) - result.fitness
+    np.testing.assert_allclose(bonus, (np.exp(-0.5) + np.exp(-1.0)) / 2)

@@ -54,8 +54,8 @@ class Evaluation:
     crossed: NDArray[np.bool_]
     """Whether the robot's centre was ever above y = 0, ``(P, R)``; all False outside Obstacle."""
     closest: NDArray[np.float64]
-    """Least distance of each run, ``(P, R)``, in units: of the robot to the light, or of the ball
-    to the target. Infinite for invalid bodies."""
+    """Least distances of each run, ``(P, R, D)``, in units: robot to light, D = 1; in CarryBall
+    robot to ball and ball to target, D = 2. Infinite for invalid bodies."""
     bodies: NDArray[np.int8]
     """Cell codes, ``(P, n, n)``."""
     valid: NDArray[np.bool_]
@@ -147,7 +147,7 @@ class Engine(ABC):
             run_fitness=run_fitness,
             success=result.success & valid[:, None],
             crossed=result.crossed & valid[:, None] & task.has_walls,
-            closest=np.where(valid[:, None], result.closest, np.inf),
+            closest=np.where(valid[:, None, None], result.closest, np.inf),
             bodies=result.bodies,
             valid=valid,
             features=features,

@@ -62,7 +62,7 @@ class BatchedEngine(Engine):
             run_fitness=np.zeros((population, runs)),
             success=np.zeros((population, runs), dtype=np.bool_),
             crossed=np.zeros((population, runs), dtype=np.bool_),
-            closest=np.full((population, runs), np.inf),
+            closest=np.full((population, runs, settings.task.distances), np.inf),
         )
         scenarios = _scenario_table(rows, n)
         task_settings = settings_array(settings.task, n, settings.score, settings.success_radius)

@@ -51,7 +51,8 @@ def evaluate_genome(job: _Job) -> _GenomeResult:
         fitness = np.zeros(runs)
         if not job.settings.task.is_valid(body):
             nothing = np.zeros(runs, dtype=np.bool_)
-            return _GenomeResult(body, fitness, nothing, nothing, np.full(runs, np.inf))
+            nowhere = np.full((runs, job.settings.task.distances), np.inf)
+            return _GenomeResult(body, fitness, nothing, nothing, nowhere)
         robot = Robot(body)
         episodes = [Episode(job.settings, robot, scenario) for scenario in job.scenarios]
         controller = Controller(nca, np.broadcast_to(body, (runs, *body.shape)))

@@ -116,7 +116,8 @@ def roll_out_population(
         run_fitness: output, ``(P, R)``: mean reward; NaN where the state turned non-finite.
         success: output, ``(P, R)``.
         crossed: output, ``(P, R)``.
-        closest: output, ``(P, R)``.
+        closest: output, ``(P, R, D)``: least distances to the light, or to the ball and of that to
+            the target.
     """
     for genome in genomes:
         _roll_out_genome(
@@ -184,7 +185,8 @@ def _roll_out_genome(
         run_fitness[run] /= steps
         success[run] = physics[run, STATE_SUCCESS] != 0.0
         crossed[run] = physics[run, STATE_CROSSED] != 0.0
-        closest[run] = physics[run, STATE_CLOSEST]
+        for distance in range(closest.shape[1]):
+            closest[run, distance] = physics[run, STATE_CLOSEST + distance]
         if not _is_finite(states, tiled_runs, run):
             run_fitness[run] = np.nan
 

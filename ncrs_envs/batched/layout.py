@@ -40,10 +40,10 @@ STATE_TOUCHED = 15
 STATE_CLEARANCE = 16
 """How far the robot can move at least before it can touch the light or a wall."""
 STATE_CLOSEST = 17
-"""Least distance yet of the kind that decides success: robot to light, or ball to target."""
-STATE_MEMORY = 18
+"""Least distance yet from the robot to the light or ball; then from the ball to the target."""
+STATE_MEMORY = 19
 """Number of contact points whose impulses are kept for the next step."""
-STATE_MEMORIES = 19
+STATE_MEMORIES = 20
 """One record of MEMORY_SIZE for each of at most MEMORIES contact points."""
 MEMORIES = 16
 MEMORY_KEY = 0

@@ -124,7 +124,8 @@ def score(
     if settings[SETTING_HAS_BALL] != 0.0:
         reward = 0.5 * (reward + _score(to_target, extent, inverse_square))
         decisive = to_target
-    state[STATE_CLOSEST] = min(state[STATE_CLOSEST], decisive)
+    state[STATE_CLOSEST] = min(state[STATE_CLOSEST], to_seen)
+    state[STATE_CLOSEST + 1] = min(state[STATE_CLOSEST + 1], to_target)
     if decisive <= settings[SETTING_SUCCESS_RADIUS]:
         state[STATE_SUCCESS] = 1.0
     _, y = grid_center(robot, state)

@@ -61,6 +61,7 @@ def reset_run(
     state[STATE_Y] = scenario[SCENARIO_START_Y] + robot[ROBOT_CENTER_Y]
     state[STATE_COS] = 1.0
     state[STATE_CLOSEST] = np.inf
+    state[STATE_CLOSEST + 1] = np.inf
     if settings[SETTING_HAS_BALL] != 0.0:
         state[STATE_BALL_X] = scenario[SCENARIO_SEEN_X]
         state[STATE_BALL_Y] = scenario[SCENARIO_SEEN_Y]

@@ -53,9 +53,9 @@ def test_shapes_dtypes_and_invalid_bodies(engine, task, genomes):
     np.testing.assert_allclose(result.fitness[invalid], credit, rtol=0, atol=1e-15)
     np.testing.assert_allclose(result.fitness, result.run_fitness.mean(axis=1), rtol=1e-12)
     assert result.env_steps == result.valid.sum() * 3 * 100
-    assert result.closest.shape == (11, 3)
+    assert result.closest.shape == (11, 3, TASKS[task].distances)
     assert np.isinf(result.closest[invalid]).all()
-    reached = result.closest <= TASKS[task].success_radius
+    reached = result.closest[..., -1] <= TASKS[task].success_radius
     np.testing.assert_array_equal(result.success, reached)
 
 
@@ -151,14 +151,14 @@ def test_the_closest_approach(engine, full_genome):
     at once."""
     scenarios = [Scenario((0.0, 0.0), light=(x, 36.0)) for x in (-30.0, 30.0)]
     result = evaluate(full_genome, "light_chase", engine=engine, scenarios=scenarios)
-    best = np.exp(-result.closest[0] / 60.0)
+    best = np.exp(-result.closest[0, :, 0] / 60.0)
     assert (best >= result.run_fitness[0]).all()
     assert (result.closest[0] <= np.hypot(30.0, 36.0) + 1e-9).all()
     here = Scenario((0.0, 0.0), light=(0.0, 30.0))
     nearer = Scenario((0.0, 0.0), light=(0.0, 20.0))
     distances = evaluate(
         full_genome, "light_chase", engine=engine, scenarios=[here, nearer]
-    ).closest[0]
+    ).closest[0, :, 0]
     assert distances[1] <= 20.1
     assert distances[0] <= 30.1
 

@@ -56,10 +56,13 @@ def test_success_is_kept_once_reached():
     scenario = Scenario(start=(0.0, 0.0), light=(0.0, 30.0))
     settings = task_settings("light_chase", 3)
     episode = Episode(settings, Robot(SEEKER), scenario)
-    reached = []
+    reached: list[bool] = []
+    distances: list[float] = []
     for k in range(100):
         episode.step(FULL_GAS if k < 50 else -FULL_GAS)
         reached.append(episode.distances[0] <= 20.0)
+        distances.append(episode.distances[0])
+        assert episode.closest == (min(distances),)
         assert episode.success == any(reached)
     assert any(reached)
     assert not reached[0]
