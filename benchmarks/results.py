@@ -49,19 +49,33 @@ def tested(champion: Champion) -> dict[str, Assessment]:
     return {engine: assess(champion, engine=engine) for engine in sorted(ENGINES)}
 
 
+def stages_of(run: Path) -> list[Path]:
+    """The runs that led to a run, each started from the champion of the one before it."""
+    start = load_config(run).start_from
+    return [run] if start is None or not Path(start).is_dir() else [*stages_of(Path(start)), run]
+
+
 def command_of(run: Path) -> str:
-    """The command line that trained a run, without the folder that it was given."""
+    """The command line that trained a run, in a folder of its own name."""
     overrides = yaml.safe_load((run / ".hydra" / "overrides.yaml").read_text())
     words = [word for word in overrides if not word.startswith(("hydra.", "resume="))]
-    return " ".join(["python train.py", *words])
+    return " ".join(["python train.py", *map(_shortened, words), f"hydra.run.dir=runs/{run.name}"])
 
 
-def effort_of(run: Path) -> dict[str, float]:
-    """Generations, evaluations and environment steps of a run, from its table of curves."""
-    table = read_metrics(run)
+def _shortened(word: str) -> str:
+    name, _, value = word.partition("=")
+    return f"{name}=runs/{Path(value).name}" if name == "start_from" and "/" in value else word
+
+
+def effort_of(stages: list[Path]) -> dict[str, int]:
+    """Generations, evaluations and environment steps of runs, from their tables of curves."""
+    tables = [read_metrics(run) for run in stages]
     return {
-        "generations": load_config(run).generations,
-        **{key: int(table[f"progress/{key}"][-1]) for key in ("evaluations", "env_steps")},
+        "generations": sum(len(table["generation"]) for table in tables),
+        **{
+            key: sum(int(table[f"progress/{key}"][-1]) for table in tables)
+            for key in ("evaluations", "env_steps")
+        },
     }
 
 
@@ -79,15 +93,17 @@ def archive_of(run: Path) -> dict[str, Any]:
 def collect(run: Path, name: str) -> None:
     """Test a run's champion and write its genome, card and picture."""
     champion = load_champion_file(run)
-    config = asdict(load_config(run))
+    config, stages = asdict(load_config(run)), stages_of(run)
+    if config["start_from"] is not None:
+        config["start_from"] = _shortened(f"start_from={config['start_from']}").partition("=")[2]
     stem = champions_folder() / file_stem(name)
     stem.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(run / CHAMPION_FILE, stem.with_suffix(CHAMPION_SUFFIX))
     card = {
         "name": name,
-        "command": command_of(run),
+        "commands": [command_of(stage) for stage in stages],
         "config": {key: value for key, value in config.items() if key != "resume"},
-        **effort_of(run),
+        **effort_of(stages),
         "generation": champion.generation,
         "source": champion.source,
         "tests": {engine: result.as_json() for engine, result in tested(champion).items()},
@@ -127,7 +143,7 @@ def table_of_runs(runs: list[Path]) -> None:
     print("|---|---|---|---|---|---|---|---|")
     for run in runs:
         config, archive = load_config(run), load_archive(run).archive
-        evaluations = effort_of(run)["evaluations"]
+        evaluations = effort_of(stages_of(run))["evaluations"]
         print(
             f"| {config.task.name} | {config.optimizer.name} | {evaluations:,.0f} "
             f"| {len(archive):,} | {cells_of(load_champion_file(run))}",

@@ -28,8 +28,9 @@ class PublishedChampion(Champion):
     name: str = ""
     """Task and recipe, such as "light_chase/best"."""
     card: dict[str, Any] | None = None
-    """The record: "command" that trained it, "config", "evaluations", and under "tests" the result
-    on 100 fresh episodes on each engine, see ``ncrs.assessment.Assessment``."""
+    """The record: the "commands" that trained it, one after the other, the "config" of the last,
+    "evaluations" of all, and under "tests" the result on 100 fresh episodes on each engine, see
+    ``ncrs.assessment.Assessment``."""
 
 
 def file_stem(name: str) -> str:

@@ -78,4 +78,4 @@ def test_the_best_experiments_are_those_of_the_champions():
     register()
     for task in TASKS:
         champion = ncrs.load_champion(f"{task}/best")
-        assert f"experiment=best/{task}" in champion.card["command"]
+        assert f"experiment=best/{task}" in champion.card["commands"][-1]
