@@ -118,7 +118,7 @@ class TrainConfig:
     """What its closest approach adds, times ``exp(-d / P)``; see ``ncrs.objective``."""
     start_from: str | None = None
     """Where the search starts instead of at zero: a run's folder, a champion's file, or the name of
-    one that comes with the package."""
+    one that comes with the package; of another task if you like, see ``ncrs.transfer``."""
     champion_every: int = 10
     """Generations between two re-evaluations of the candidates for champion."""
     champion_runs: int = 48

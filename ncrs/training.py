@@ -32,6 +32,7 @@ from ncrs.reestimation import reestimate, seed_row
 from ncrs.settings import ConfigError, TrainConfig, save_config
 from ncrs.signals import StopRequest
 from ncrs.standstill import standing_still_fitness
+from ncrs.transfer import transferred
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 CHECKPOINT_FOLDER = "checkpoints"
@@ -124,14 +125,9 @@ class Trainer:
 
     def _start_from(self, source: str) -> None:
         champion = load_any_champion(source)
-        if champion.genome.shape != (self._layout.num_parameters,):
-            raise ConfigError(
-                f"start_from={source} is a genome of {len(champion.genome)} weights, for "
-                f"{champion.task.name}; {self._settings.task.name} needs "
-                f"{self._layout.num_parameters}."
-            )
+        learned = nca_layout(champion.task.name)
         try:
-            self._optimizer.start_from(champion.genome.astype(np.float64))
+            self._optimizer.start_from(transferred(champion.genome, learned, self._layout))
         except OptimizerError as error:
             raise ConfigError(str(error)) from error
 

@@ -49,8 +49,6 @@ def test_a_search_starts_from_a_champion(name, seed_file, tmp_path, full_genome)
 
 
 def test_a_start_that_does_not_fit_is_refused(seed_file, tmp_path):
-    with pytest.raises(ConfigError, match=r"4572 weights.*needs 4873"):
-        Trainer(config(task=TaskConfig("carry_ball"), start_from=str(seed_file)), tmp_path / "run")
     with pytest.raises(ConfigError, match="map_elites cannot start from a genome"):
         Trainer(
             config(optimizer=OptimizerConfig("map_elites"), start_from=str(seed_file)),

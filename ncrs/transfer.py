@@ -1,0 +1,54 @@
+"""A genome of one task as the start of a search in another."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.layout import FEATURES, HIDDEN_CHANNELS, KERNEL_SIZE, NCALayout
+
+
+def transferred(genome: Any, source: NCALayout, target: NCALayout) -> NDArray[np.float64]:
+    """The genome for another task's channels, float64 ``(num_parameters of target,)``.
+
+    Channels are matched by what they are for, a part's by its cell type. What the automaton reads
+    and writes in channels that both tasks have stays as it is; channels that only the target has
+    are neither read nor written, so that it grows the same body and, on the same sensor values,
+    does the same. Between tasks with the same channels it is a copy.
+
+    Args:
+        genome: real numbers, ``(num_parameters of source,)``.
+        source: of the genome.
+        target: of the task to search in.
+
+    Raises:
+        GenomeError: the genome does not fit ``source``.
+    """
+    checked = source.check_genomes(genome)[0].astype(np.float64)
+    reading, bias1, middle, bias2, writing, bias3 = _split(checked, source)
+    names = {name: index for index, name in enumerate(_channel_names(source))}
+    new_reading = np.zeros((FEATURES, target.channels, KERNEL_SIZE, KERNEL_SIZE))
+    new_writing = np.zeros((target.channels, FEATURES, 1, 1))
+    new_bias = np.zeros(target.channels)
+    for index, name in enumerate(_channel_names(target)):
+        if name in names:
+            new_reading[:, index] = reading[:, names[name]]
+            new_writing[index] = writing[names[name]]
+            new_bias[index] = bias3[names[name]]
+    layers = (new_reading, bias1, middle, bias2, new_writing, new_bias)
+    return np.concatenate([layer.ravel() for layer in layers])
+
+
+def _channel_names(layout: NCALayout) -> list[str]:
+    parts = [cell.name for cell in layout.task.part_cells]
+    return ["body", "control", *parts, *map(str, range(HIDDEN_CHANNELS)), "input/output"]
+
+
+def _split(genome: NDArray[np.float64], layout: NCALayout) -> list[NDArray[np.float64]]:
+    """The genome's layers, in their own shapes."""
+    shapes = layout.parameter_shapes
+    ends = np.cumsum([np.prod(shape) for shape in shapes])[:-1]
+    parts = np.split(genome, ends.astype(int))
+    return [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
