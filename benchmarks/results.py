@@ -21,7 +21,14 @@ from PIL import Image
 
 from ncrs.assessment import Assessment, assess
 from ncrs.champion import CHAMPION_FILE, Champion, load_champion_file
-from ncrs.champions import (
+from ncrs.checkpoint import write_json
+from ncrs.commands.archive import reestimated
+from ncrs.elites import load_archive
+from ncrs.engines.base import AUTO_ENGINE, ENGINES
+from ncrs.evaluation import RUNS
+from ncrs.metrics import read_metrics
+from ncrs.pictures import STORY_FILE, save_pictures
+from ncrs.published import (
     CARD_SUFFIX,
     CHAMPION_SUFFIX,
     PICTURE_SUFFIX,
@@ -30,13 +37,6 @@ from ncrs.champions import (
     file_stem,
     load_champion,
 )
-from ncrs.checkpoint import write_json
-from ncrs.commands.archive import reestimated
-from ncrs.elites import load_archive
-from ncrs.engines.base import AUTO_ENGINE, ENGINES
-from ncrs.evaluation import RUNS
-from ncrs.metrics import read_metrics
-from ncrs.pictures import STORY_FILE, save_pictures
 from ncrs.settings import load_config
 
 PICTURE_SIZE = 240

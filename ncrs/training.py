@@ -14,7 +14,6 @@ from filelock import FileLock, Timeout
 
 from ncrs.archive import SEED_LENGTH, Additions, ArchiveError, Status
 from ncrs.champion import CHAMPION_FILE, Champion
-from ncrs.champions import load_any_champion
 from ncrs.checkpoint import CheckpointFolder
 from ncrs.elites import ARCHIVE_FILE, EliteArchive, make_archive
 from ncrs.engines.base import (
@@ -28,6 +27,7 @@ from ncrs.layout import nca_layout
 from ncrs.logs import PhaseTimer, RunLog, generation_metrics, versions
 from ncrs.objective import objective
 from ncrs.optimizers.base import Fitness, Genomes, OptimizerError, make_optimizer
+from ncrs.published import load_any_champion
 from ncrs.reestimation import reestimate, seed_row
 from ncrs.settings import ConfigError, TrainConfig, save_config
 from ncrs.signals import StopRequest

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-import sysconfig
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from ncrs.settings import ConfigError
 
 CHAMPION_SUFFIX, CARD_SUFFIX, PICTURE_SUFFIX = ".npz", ".json", ".png"
 _CHECKOUT = Path(__file__).parents[1] / "assets" / "champions"
-_INSTALLED = Path(sysconfig.get_path("data")) / "share" / "ncrs" / "champions"
+_INSTALLED = "share/ncrs/champions"
 
 
 class ChampionError(LookupError):
@@ -39,8 +39,18 @@ def file_stem(name: str) -> str:
 
 
 def champions_folder() -> Path:
-    """Where the champions' files are: in the checkout, or where the package was installed."""
-    return _CHECKOUT if _CHECKOUT.is_dir() else _INSTALLED
+    """Where the champions' files are: in the checkout, or where the package was installed.
+
+    Raises:
+        ChampionError: neither has any: the installation is not whole.
+    """
+    if _CHECKOUT.is_dir():
+        return _CHECKOUT
+    # Only the installer knows where its data files went.
+    for file in metadata.files("ncrs") or ():
+        if file.as_posix().rpartition("/")[0].endswith(_INSTALLED):
+            return Path(str(file.locate())).parent
+    raise ChampionError("This installation of ncrs has no champions; install it again.")
 
 
 def champions() -> list[str]:
