@@ -31,9 +31,9 @@ from ncrs.pictures import STORY_FILE, save_pictures
 from ncrs.published import (
     CARD_SUFFIX,
     CHAMPION_SUFFIX,
+    CHECKOUT_FOLDER,
     PICTURE_SUFFIX,
     champions,
-    champions_folder,
     file_stem,
     load_champion,
 )
@@ -96,7 +96,7 @@ def collect(run: Path, name: str) -> None:
     config, stages = asdict(load_config(run)), stages_of(run)
     if config["start_from"] is not None:
         config["start_from"] = _shortened(f"start_from={config['start_from']}").partition("=")[2]
-    stem = champions_folder() / file_stem(name)
+    stem = CHECKOUT_FOLDER / file_stem(name)
     stem.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(run / CHAMPION_FILE, stem.with_suffix(CHAMPION_SUFFIX))
     card = {
@@ -113,7 +113,7 @@ def collect(run: Path, name: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         save_pictures(champion, Path(folder), size=PICTURE_SIZE)
         with Image.open(Path(folder) / STORY_FILE) as picture:
-            picture.quantize(64).save(stem.with_suffix(PICTURE_SUFFIX), optimize=True)
+            picture.quantize(128).save(stem.with_suffix(PICTURE_SUFFIX), optimize=True)
     print(f"Published {name} in {stem.parent}")
 
 

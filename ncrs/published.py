@@ -13,7 +13,7 @@ from ncrs.checkpoint import CheckpointError
 from ncrs.settings import ConfigError
 
 CHAMPION_SUFFIX, CARD_SUFFIX, PICTURE_SUFFIX = ".npz", ".json", ".png"
-_CHECKOUT = Path(__file__).parents[1] / "assets" / "champions"
+CHECKOUT_FOLDER = Path(__file__).parents[1] / "assets" / "champions"
 _INSTALLED = "share/ncrs/champions"
 
 
@@ -44,8 +44,8 @@ def champions_folder() -> Path:
     Raises:
         ChampionError: neither has any: the installation is not whole.
     """
-    if _CHECKOUT.is_dir():
-        return _CHECKOUT
+    if CHECKOUT_FOLDER.is_dir():
+        return CHECKOUT_FOLDER
     # Only the installer knows where its data files went.
     for file in metadata.files("ncrs") or ():
         if file.as_posix().rpartition("/")[0].endswith(_INSTALLED):
