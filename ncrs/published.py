@@ -53,6 +53,11 @@ def champions_folder() -> Path:
     raise ChampionError("This installation of ncrs has no champions; install it again.")
 
 
+def champion_file(name: str) -> Path:
+    """The file of a champion that ``champions()`` lists."""
+    return champions_folder() / f"{file_stem(name)}{CHAMPION_SUFFIX}"
+
+
 def champions() -> list[str]:
     """Names that ``load_champion`` takes, in alphabetical order."""
     paths = champions_folder().glob(f"*{CARD_SUFFIX}")
@@ -89,10 +94,10 @@ def load_champion(name: str) -> PublishedChampion:
     """
     if name not in champions():
         raise ChampionError(f"There is no champion {name!r}; there are {champions()}.")
-    stem = champions_folder() / file_stem(name)
-    champion = load_champion_file(stem.with_suffix(CHAMPION_SUFFIX))
+    file = champion_file(name)
+    champion = load_champion_file(file)
     try:
-        card = json.loads(stem.with_suffix(CARD_SUFFIX).read_text())
+        card = json.loads(file.with_suffix(CARD_SUFFIX).read_text())
     except ValueError as error:
         raise CheckpointError(f"The card of {name} is not valid JSON: {error}.") from error
     return PublishedChampion(**vars(champion), name=name, card=card)

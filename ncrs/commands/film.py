@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ncrs.commands import Commands, folder_of, print_saved
+from ncrs.commands import Commands, output_folder, print_saved, robot_path
 from ncrs_envs.tasks import TASKS
+
+if TYPE_CHECKING:
+    from ncrs.viz.robots import EvolvedRobot
 
 FORMATS = ("mp4", "gif")
 
@@ -17,8 +21,9 @@ def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = Non
         "robot",
         type=Path,
         nargs=nargs,
-        metavar="RUN_DIR",
-        help="a run's folder, a champion's or archive's file, or a genome (.npy, with --task)",
+        metavar="ROBOT",
+        help="a run's folder, a champion's or archive's file, a genome (.npy, with --task), or the "
+        "name of a published champion, such as light_chase/best",
     )
     parser.add_argument(
         "--features",
@@ -31,11 +36,23 @@ def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = Non
     parser.add_argument("--grid-size", type=int, help="of a genome's body; default: 5")
 
 
+def given_robot(options: argparse.Namespace) -> EvolvedRobot:
+    """The robot that the arguments say."""
+    from ncrs.viz.robots import load_robot
+
+    return load_robot(
+        robot_path(options.robot),
+        features=options.features,
+        task=options.task,
+        grid_size=options.grid_size,
+    )
+
+
 def add_parser(commands: Commands) -> None:
     """Declare the command."""
     parser = commands.add_parser("film", help="film a robot's growth and episodes (MP4 and GIF)")
     add_robot_arguments(parser)
-    parser.add_argument("--out", type=Path, help="folder to write to; default: that of RUN_DIR")
+    parser.add_argument("--out", type=Path, help="folder to write to; default: that of ROBOT")
     parser.add_argument("--name", default="film", help="of the files; default: %(default)s")
     parser.add_argument("--format", choices=FORMATS, nargs="+", default=list(FORMATS))
     parser.add_argument("--episodes", type=int, default=4, help="default: %(default)s")
@@ -49,12 +66,9 @@ def add_parser(commands: Commands) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from ncrs.viz.films import save_film
-    from ncrs.viz.robots import load_robot
 
-    robot = load_robot(
-        options.robot, features=options.features, task=options.task, grid_size=options.grid_size
-    )
-    folder = folder_of(options.robot) if options.out is None else options.out
+    robot = given_robot(options)
+    folder = output_folder(options.robot) if options.out is None else options.out
     paths = [folder / f"{options.name}.{kind}" for kind in dict.fromkeys(options.format)]
     save_film(
         robot,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ncrs.commands import Commands
-from ncrs.commands.film import add_robot_arguments
+from ncrs.commands.film import add_robot_arguments, given_robot
 
 
 def add_parser(commands: Commands) -> None:
@@ -26,7 +26,6 @@ def _run(options: argparse.Namespace) -> None:
     from ncrs.settings import TaskConfig
     from ncrs.viz.play_session import PlaySession
     from ncrs.viz.play_window import PlayWindow
-    from ncrs.viz.robots import load_robot
     from ncrs_envs.body import DEFAULT_GRID_SIZE, parse_body
     from ncrs_envs.tasks import LIGHT_CHASE, default_body
 
@@ -34,9 +33,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.robot is None:
         task = TaskConfig(options.task or LIGHT_CHASE.name, options.grid_size or DEFAULT_GRID_SIZE)
     else:
-        rival = load_robot(
-            options.robot, features=options.features, task=options.task, grid_size=options.grid_size
-        )
+        rival = given_robot(options)
         task = rival.task
     settings = task.checked()
     if options.body is None:

@@ -5,9 +5,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ncrs.champion import load_champion_file
-from ncrs.commands import Commands, describe, folder_of, print_saved
+from ncrs.commands import (
+    ROBOT_HELP,
+    Commands,
+    describe,
+    output_folder,
+    print_saved,
+)
 from ncrs.pictures import DEFAULT_SIZE, save_pictures
+from ncrs.published import load_any_champion
 
 
 def add_parser(commands: Commands) -> None:
@@ -15,7 +21,7 @@ def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
         "render", help="draw the champion's body as a PNG and an episode as an animated GIF"
     )
-    parser.add_argument("run", type=Path, metavar="RUN_DIR", help="a run's folder")
+    parser.add_argument("run", type=Path, metavar="ROBOT", help=ROBOT_HELP)
     parser.add_argument(
         "--size", type=int, default=DEFAULT_SIZE, help="side in pixels; default: %(default)s"
     )
@@ -24,8 +30,8 @@ def add_parser(commands: Commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    champion = load_champion_file(options.run)
-    folder = folder_of(options.run)
+    champion = load_any_champion(options.run.as_posix())
+    folder = output_folder(options.run)
     paths = save_pictures(champion, folder, seed=options.seed, size=options.size)
     print(describe(champion))
     print_saved(paths)
