@@ -106,9 +106,7 @@ class EliteArchive:
             raise EliteError(self._missing(triple, possible=cell != NO_CELL))
         index = int(row[0])
 
-        seed = [number for number in archive.column("seeds")[index].tolist() if number >= 0]
-        # Entropy, stream, generation; seeds without a generation are not of a run's own making.
-        evaluated_in = seed[2] if len(seed) > 2 else 0
+        seed = archive.column("seeds")[index].tolist()
         return Elite(
             features=triple,
             genome=archive.column("genomes")[index],
@@ -117,9 +115,9 @@ class EliteArchive:
             fitness=float(archive.column("fitness")[index]),
             success=float(archive.column("success")[index]),
             generation=int(archive.column("generations")[index]),
-            evaluation_seed=tuple(seed),
+            evaluation_seed=tuple(number for number in seed if number >= 0),
             runs=self.runs,
-            sampling=self.sampling.at(evaluated_in),
+            sampling=self.sampling,
         )
 
     def _missing(self, triple: tuple[int, int, int], *, possible: bool) -> str:

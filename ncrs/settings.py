@@ -110,9 +110,6 @@ class TrainConfig:
     placement_noise: float = NOISE
     """Of light or ball in training, as a share of the playfield extent; champions are compared on
     the task's own 0.05."""
-    plain_generations: int = 0
-    """Generations at the start in which it is the task's own: what is learned on the easier
-    scenarios is made robust on the others."""
     symmetric: bool = False
     """Search only automata that treat left and right alike."""
     success_bonus: float = 0.0
@@ -141,8 +138,7 @@ class TrainConfig:
         """How scenarios are drawn, with the mirroring that "auto" stands for; checked."""
         task = self.task_settings().task
         mirroring = resolve_mirroring(self.mirroring, task, self.symmetric)
-        sampling = ScenarioSampling(mirroring, self.placement_noise, self.plain_generations)
-        return sampling.check()
+        return ScenarioSampling(mirroring, self.placement_noise).check()
 
     def check(self) -> TrainConfig:
         """Return this if all values are in range, else raise ``ConfigError``."""

@@ -196,8 +196,9 @@ class Trainer:
                     if self._is_time_to_reestimate:
                         with self._timer.phase("reestimate"):
                             stream = self._stream(_REESTIMATION_STREAM, self._generation)
-                            sampling = self._sampling.at(self._generation)
-                            reestimate(self._archive, engine, stream, config.runs, stop, sampling)
+                            reestimate(
+                                self._archive, engine, stream, config.runs, stop, self._sampling
+                            )
                     genomes, evaluation, added = self._evolve(engine, stop)
                 except EvaluationInterrupted:
                     break
@@ -282,8 +283,8 @@ class Trainer:
 
     def _scenarios(self, stream: np.random.SeedSequence) -> list[Scenario]:
         settings = self._settings
-        sampling = self._sampling.at(self._generation)
-        return sampling.draw(settings.task, stream, self._config.runs, settings.grid_size)
+        runs, size = self._config.runs, settings.grid_size
+        return self._sampling.draw(settings.task, stream, runs, size)
 
     def _count(self, evaluation: Evaluation) -> None:
         self._evaluations += len(evaluation.fitness)

@@ -148,22 +148,11 @@ class ScenarioSampling:
     """
     noise: float = NOISE
     """Of the placements, see ``sample_scenario``."""
-    plain_generations: int = 0
-    """Generations at the start of a search in which the noise is the task's own."""
-
-    def at(self, generation: int) -> ScenarioSampling:
-        """The sampling of one generation of the search."""
-        noise = NOISE if generation < self.plain_generations else self.noise
-        return ScenarioSampling(self.mirroring, noise)
 
     def check(self) -> ScenarioSampling:
         """Return this if all is in range, else raise ``ScenarioError``."""
         check_mirroring(self.mirroring)
         check_noise(self.noise)
-        if self.plain_generations < 0:
-            raise ScenarioError(
-                f"plain_generations must be at least 0, got {self.plain_generations!r}."
-            )
         return self
 
     def draw(

@@ -221,17 +221,12 @@ def test_a_run_of_another_optimizer_is_refused(undisturbed):
 
 def test_symmetric_search_on_mirrored_scenarios(tmp_path):
     """What is archived is what was evaluated, on the scenarios that the elite names."""
-    changes = {"placement_noise": 0.4, "plain_generations": 6, "reestimate_every": 0}
-    train(config(symmetric=True, mirroring="front_back", **changes), tmp_path)
+    train(config(symmetric=True, mirroring="front_back", reestimate_every=0), tmp_path)
     archive = load_archive(tmp_path)
     assert archive.sampling.mirroring == "front_back"
-    generations = archive.archive.column("generations")
-    assert (generations < 6).any()
-    assert (generations >= 6).any()
     layout = nca_layout("light_chase")
-    for features in archive.archive.features.tolist():
+    for features in archive.archive.features[:3].tolist():
         elite = archive.elite(features)
-        assert elite.sampling.noise == (0.05 if elite.generation < 6 else 0.4)
         genome = elite.genome[None].astype(np.float64)
         np.testing.assert_array_equal(layout.symmetric(genome), genome)
         np.testing.assert_array_equal(elite.body, elite.body[:, ::-1])
