@@ -46,6 +46,7 @@ def test_round_trip_through_the_run_folder(tmp_path):
         ({"generations": 0}, "generations must be at least 1"),
         ({"mirroring": "up_down"}, "front_back"),
         ({"optimizer": {"sigma_decay": 0.9}}, "no schedule"),
+        ({"placement_noise": 0.5}, "0 to 0.4"),
         ({"success_bonus": -1.0}, "success_bonus must be at least 0"),
         ({"approach_bonus": float("inf")}, "finite"),
         ({"success_bonus": 1.0, "optimizer": {"name": "map_elites"}}, "learns from its archive"),
