@@ -64,7 +64,9 @@ def command_of(run: Path) -> str:
 
 def _shortened(word: str) -> str:
     name, _, value = word.partition("=")
-    return f"{name}=runs/{Path(value).name}" if name == "start_from" and "/" in value else word
+    if name != "start_from" or value in champions():
+        return word
+    return f"{name}=runs/{Path(value).name}"
 
 
 def effort_of(stages: list[Path]) -> dict[str, int]:
