@@ -17,7 +17,7 @@ CHECKOUT_FOLDER = Path(__file__).parents[1] / "assets" / "champions"
 _INSTALLED = "share/ncrs/champions"
 
 
-class ChampionError(LookupError):
+class ChampionError(LookupError, ValueError):
     """No champion of that name comes with the package."""
 
 
@@ -47,7 +47,11 @@ def champions_folder() -> Path:
     if CHECKOUT_FOLDER.is_dir():
         return CHECKOUT_FOLDER
     # Only the installer knows where its data files went.
-    for file in metadata.files("ncrs") or ():
+    try:
+        files = metadata.files("ncrs") or ()
+    except metadata.PackageNotFoundError:
+        files = ()
+    for file in files:
         if file.as_posix().rpartition("/")[0].endswith(_INSTALLED):
             return Path(str(file.locate())).parent
     raise ChampionError("This installation of ncrs has no champions; install it again.")
@@ -61,22 +65,27 @@ def champion_file(name: str) -> Path:
 def champions() -> list[str]:
     """Names that ``load_champion`` takes, in alphabetical order."""
     paths = champions_folder().glob(f"*{CARD_SUFFIX}")
-    return sorted(path.stem.replace("-", "/") for path in paths)
+    whole = [path.stem for path in paths if path.with_suffix(CHAMPION_SUFFIX).is_file()]
+    return sorted(stem.replace("-", "/") for stem in whole)
 
 
 def load_any_champion(source: str) -> Champion:
-    """The champion of a run's folder, of a champion's file, or of that name in the package.
+    """The champion of a run's folder or of a champion's file; or, if there is no such path, the one
+    of that name in the package.
 
     Raises:
         ConfigError: there is none.
         CheckpointError: its file is damaged.
     """
-    if source in champions():
-        return load_champion(source)
     try:
         return load_champion_file(source)
     except ConfigError as error:
-        raise ConfigError(f"{error} Champions that come with NCRS: {champions()}.") from error
+        if Path(source).exists():
+            raise
+        try:
+            return load_champion(source)
+        except ChampionError as missing:
+            raise ConfigError(f"{error} {missing}") from error
 
 
 def load_champion(name: str) -> PublishedChampion:

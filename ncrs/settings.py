@@ -149,6 +149,11 @@ class TrainConfig:
             check_workers(self.engine.workers)
         except ValueError as error:
             raise ConfigError(str(error)) from error
+        if self.runs % 2 and self.sampling().mirroring != "none":
+            raise ConfigError(
+                f"runs must be even, since scenarios come in pairs of mirror images, got "
+                f"{self.runs!r}; or set mirroring=none."
+            )
         least = {
             "seed": (self.seed, 0),
             "generations": (self.generations, 1),

@@ -27,12 +27,11 @@ from ncrs.layout import nca_layout
 from ncrs.logs import PhaseTimer, RunLog, generation_metrics, versions
 from ncrs.objective import objective
 from ncrs.optimizers.base import Fitness, Genomes, OptimizerError, make_optimizer
-from ncrs.published import load_any_champion
 from ncrs.reestimation import reestimate, seed_row
 from ncrs.settings import ConfigError, TrainConfig, save_config
 from ncrs.signals import StopRequest
 from ncrs.standstill import standing_still_fitness
-from ncrs.transfer import transferred
+from ncrs.transfer import start_genome
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 CHECKPOINT_FOLDER = "checkpoints"
@@ -98,12 +97,13 @@ class Trainer:
                 self._stream(_OPTIMIZER_STREAM),
                 **config.optimizer.given(),
             )
+            if config.start_from is not None and config.resume is None:
+                start = start_genome(config.start_from, self._layout, config.symmetric)
+                self._optimizer.start_from(start)
         except OptimizerError as error:
             raise ConfigError(str(error)) from error
         self._archive = make_archive(self._settings)
         self._optimizer.attach(self._archive)
-        if config.start_from is not None and config.resume is None:
-            self._start_from(config.start_from)
         self._champion_scenarios = sample_scenarios(
             self._settings.task,
             self._stream(_CHAMPION_STREAM),
@@ -122,14 +122,6 @@ class Trainer:
 
     def _stream(self, *key: int) -> np.random.SeedSequence:
         return np.random.SeedSequence(self._config.seed, spawn_key=key)
-
-    def _start_from(self, source: str) -> None:
-        champion = load_any_champion(source)
-        learned = nca_layout(champion.task.name)
-        try:
-            self._optimizer.start_from(transferred(champion.genome, learned, self._layout))
-        except OptimizerError as error:
-            raise ConfigError(str(error)) from error
 
     def run(self) -> TrainingResult:
         """Train until the last generation, or until SIGINT or SIGTERM; both save."""
@@ -383,8 +375,10 @@ class Trainer:
         self._env_steps = state["env_steps"]
         self._seconds = state["seconds"]
         self._best_fitness = state["best_fitness"]
-        self._champion_objective = state["champion_objective"]
         champion = state["champion"]
+        # Checkpoints written before there were bonuses have no objective: it was the fitness.
+        plain = -np.inf if champion is None else champion["fitness"]
+        self._champion_objective = state.get("champion_objective", plain)
         self._champion = None if champion is None else Champion.from_state(champion)
 
 

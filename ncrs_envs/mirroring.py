@@ -114,20 +114,8 @@ def _turned(scenario: Scenario) -> Scenario:
     return mirror_left_right(mirror_front_back(scenario))
 
 
-# How each four runs are made: for each of them which draw it is an image of, and the image. The
-# regions of the draws are such that run i lies in region i mod 4, as everywhere.
-_LIGHT_CHASE_IMAGES: Sequence[tuple[int, Image]] = (
-    (0, _turned),
-    (0, mirror_front_back),
-    (0, _same),
-    (0, mirror_left_right),
-)
-_COLUMN_IMAGES: Sequence[tuple[int, Image]] = (
-    (0, _same),
-    (1, _same),
-    (1, mirror_left_right),
-    (0, mirror_left_right),
-)
+# In this order the images cancel in every two runs: lights in opposite corners.
+_LIGHT_CHASE_IMAGES: Sequence[Image] = (_same, _turned, mirror_front_back, mirror_left_right)
 
 
 @dataclass(frozen=True)
@@ -138,8 +126,8 @@ class ScenarioSampling:
     """Independently, or in mirror images:
 
     - "none": as ``sample_scenarios``.
-    - "all": four by four. In LightChase the four are one light in all four corners; in the other
-      tasks two draws, each with its left-right mirror image. Run ``i`` uses region ``i mod 4``.
+    - "all": in LightChase four by four, one light in all four corners, opposite ones after each
+      other; in the other tasks two by two, a draw and its left-right image.
     - "front_back": two by two, a draw and its front-back image: for robots that treat left and
       right alike, which do the same in left-right images. In LightChase a light before the robot,
       on the right and on the left in turn, and its image behind it. The other tasks never put
@@ -180,21 +168,20 @@ class ScenarioSampling:
         if self.mirroring == "none":
             return sample_scenarios(task, seed, n, grid_size, self.noise)
         scenarios: list[Scenario] = []
-        size = 2 if self.mirroring == "front_back" else 4
+        columns = _is_directed(task)
+        size = 4 if self.mirroring == "all" and not columns else 2
         for index, stream in enumerate(scenario_streams(seed, n, per_stream=size)):
 
             def draw(region: int, stream: np.random.Generator = stream) -> Scenario:
                 return sample_scenario(task, stream, region, grid_size, self.noise)
 
-            if self.mirroring == "front_back":
-                ahead = draw(index % 4 if _is_directed(task) else 2 + index % 2)
-                scenarios += [ahead, mirror_front_back(ahead)]
-            elif _is_directed(task):
-                draws = [draw(0), draw(1)]
-                scenarios += [image(draws[which]) for which, image in _COLUMN_IMAGES]
-            else:
+            if size == 4:
                 ahead = draw(2)
-                scenarios += [image(ahead) for _, image in _LIGHT_CHASE_IMAGES]
+                scenarios += [image(ahead) for image in _LIGHT_CHASE_IMAGES]
+                continue
+            drawn = draw(index % 4 if columns else 2 + index % 2)
+            image = mirror_front_back if self.mirroring == "front_back" else mirror_left_right
+            scenarios += [drawn, image(drawn)]
         return scenarios[:n]
 
 

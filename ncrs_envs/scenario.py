@@ -26,7 +26,8 @@ Polyline = tuple[Point, ...]
 FAR = 0.6
 NEAR = 0.3
 NOISE = 0.05
-LARGEST_NOISE = 0.4
+LARGEST_NOISE = 0.35
+"""Up to here no light stands within the success radius of a robot that has not moved."""
 START_Y = -0.85
 CORNER_REGIONS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 COLUMN_REGIONS = (-FAR, -NEAR, NEAR, FAR)
@@ -166,7 +167,7 @@ def sample_scenario(
             uniformly random one.
         grid_size: side of the body grid, which scales the playfield and the walls.
         noise: how far light or ball may lie from the region's middle on each axis, as a share of
-            the playfield extent, 0 to 0.4; 0.05 in the paper.
+            the playfield extent, 0 to 0.35; 0.05 in the paper.
 
     Raises:
         ScenarioError: unknown region, or noise out of range.
@@ -215,7 +216,7 @@ def check_region(region: Any) -> int:
 
 
 def check_noise(noise: Any) -> float:
-    """Return ``noise`` as a float in [0, 0.4], which keeps all in the playfield, else raise
+    """Return ``noise`` as a float in [0, 0.35], which keeps all in the playfield, else raise
     ``ScenarioError``."""
     if (
         isinstance(noise, bool)

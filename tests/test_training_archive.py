@@ -221,10 +221,10 @@ def test_a_run_of_another_optimizer_is_refused(undisturbed):
 
 def test_symmetric_search_on_mirrored_scenarios(tmp_path):
     """What is archived is what was evaluated, on the scenarios that the elite names."""
-    changes = {"placement_noise": 0.4, "reestimate_every": 0}
+    changes = {"placement_noise": 0.3, "reestimate_every": 0}
     train(config(symmetric=True, mirroring="front_back", **changes), tmp_path)
     archive = load_archive(tmp_path)
-    assert (archive.sampling.mirroring, archive.sampling.noise) == ("front_back", 0.4)
+    assert (archive.sampling.mirroring, archive.sampling.noise) == ("front_back", 0.3)
     layout = nca_layout("light_chase")
     for features in archive.archive.features[:3].tolist():
         elite = archive.elite(features)

@@ -1,5 +1,7 @@
 """Where a search starts, and what it maximises."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -54,7 +56,9 @@ def test_a_start_that_does_not_fit_is_refused(seed_file, tmp_path):
             config(optimizer=OptimizerConfig("map_elites"), start_from=str(seed_file)),
             tmp_path / "run",
         )
-    with pytest.raises(ConfigError, match="Champions that come with NCRS"):
+    with pytest.raises(ConfigError, match="does not treat left and right alike"):
+        Trainer(config(symmetric=True, start_from=str(seed_file)), tmp_path / "run")
+    with pytest.raises(ConfigError, match="There is no champion"):
         Trainer(config(start_from=str(tmp_path / "nothing")), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
@@ -76,3 +80,20 @@ def test_the_optimizer_is_told_the_bonus_and_the_archive_the_fitness(
     state = CheckpointFolder(tmp_path / "run" / "checkpoints").load()
     assert state["champion_objective"] >= 4 * champion.fitness
     assert state["best_fitness"] < 0.6
+
+
+def test_resuming_goes_on_from_the_state_and_not_from_the_start(seed_file, tmp_path):
+    """Also from a checkpoint of before there was an objective, whose objective was the fitness."""
+    settings = config(start_from=str(seed_file))
+    train(settings, tmp_path / "run")
+    before = load_champion_file(tmp_path / "run")
+    seed_file.unlink()
+    folder = CheckpointFolder(tmp_path / "run" / "checkpoints")
+    state = folder.load()
+    assert state["champion_objective"] == before.fitness
+    del state["champion_objective"]
+    folder.save(2, state)
+    longer = dataclasses.replace(settings, generations=3, resume=str(tmp_path / "run"))
+    train(longer, tmp_path / "run")
+    assert load_champion_file(tmp_path / "run").fitness >= before.fitness
+    assert folder.load()["generation"] == 3

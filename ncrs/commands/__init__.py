@@ -40,7 +40,10 @@ def output_folder(source: Path) -> Path:
     if robot_path(source) == source:
         return folder_of(source)
     folder = Path(file_stem(source.as_posix()))
-    folder.mkdir(exist_ok=True)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"Cannot make the folder {folder}: {error.strerror or error}.") from error
     return folder
 
 

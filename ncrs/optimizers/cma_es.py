@@ -87,6 +87,12 @@ class CMAES(Optimizer):
         self._sigma0 = float(sigma)
         self._step_size = step_size
         self._schedule = _sigma_schedule(step_size, sigma, sigma_decay, sigma_least)
+        least = self._schedule.get("sigma_least", 0.0)
+        if restart_sigma is not None and restart_sigma <= least:
+            raise OptimizerError(
+                f"restart_sigma must exceed sigma_least, {least!r}, below which the schedule never "
+                f"goes; got {restart_sigma!r}."
+            )
         self._population = int(population)
         self._told_popsize = bool(told_popsize)
         self._diagonal = bool(diagonal)

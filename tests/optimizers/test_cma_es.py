@@ -103,6 +103,7 @@ def test_a_schedule_decides_the_step_size(name):
         ({"sigma_decay": 0.9}, "step_size=csa has no schedule: leave out sigma_decay"),
         ({"step_size": "decay", "sigma_decay": 1.1}, "sigma_decay must lie in"),
         ({"step_size": "decay", "sigma_least": 0.2}, "at most sigma"),
+        ({"step_size": "decay", "sigma_least": 0.05, "restart_sigma": 0.05}, "must exceed"),
     ],
 )
 def test_a_schedule_that_cannot_be_meant_is_refused(settings, message):
