@@ -4,12 +4,14 @@
     python -m benchmarks.results --runs RUN ...       # the same for runs, with what they cost
     python -m benchmarks.results --collect RUN NAME   # RUN's champion becomes assets/champions/NAME
 
-The test is 100 fresh episodes, on Box2D and on the batched engine, as ``ncrs evaluate`` runs it.
+The test is 1,000 fresh episodes, on Box2D and on the batched engine, as ``ncrs evaluate`` runs them
+with ``--episodes 1000 --seed 1``. No robot or setting was chosen by these episodes.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import shutil
 import tempfile
 from dataclasses import asdict
@@ -39,20 +41,31 @@ from ncrs.published import (
 )
 from ncrs.settings import load_config
 
+EPISODES, SEED = 1000, 1
 PICTURE_SIZE = 240
 HEADINGS = "fitness, Box2D | success, Box2D (95 %) | crossed | fitness, batched"
+_NAME = re.compile(r"[a-z0-9_]+/[a-z0-9_]+")
 _ARCHIVE_KEYS = ("filled", "filled_share", "qd_score", "best", "beat_standing_still", "succeed")
 
 
 def tested(champion: Champion) -> dict[str, Assessment]:
     """The champion's assessment on each engine."""
-    return {engine: assess(champion, engine=engine) for engine in sorted(ENGINES)}
+    return {
+        engine: assess(champion, engine=engine, episodes=EPISODES, seed=SEED)
+        for engine in sorted(ENGINES)
+    }
 
 
 def stages_of(run: Path) -> list[Path]:
     """The runs that led to a run, each started from the champion of the one before it."""
     start = load_config(run).start_from
     return [run] if start is None or not Path(start).is_dir() else [*stages_of(Path(start)), run]
+
+
+def earlier_of(run: Path) -> dict[str, Any]:
+    """The card of the published champion that a run started from; empty if it did not."""
+    start = load_config(run).start_from
+    return (load_champion(start).card or {}) if start in champions() else {}
 
 
 def command_of(run: Path) -> str:
@@ -94,8 +107,12 @@ def archive_of(run: Path) -> dict[str, Any]:
 
 def collect(run: Path, name: str) -> None:
     """Test a run's champion and write its genome, card and picture."""
+    if not _NAME.fullmatch(name):
+        raise SystemExit(f"NAME must be a task and a recipe, such as light_chase/best, got {name}.")
     champion = load_champion_file(run)
     config, stages = asdict(load_config(run)), stages_of(run)
+    earlier = earlier_of(stages[0])
+    effort = effort_of(stages)
     if config["start_from"] is not None:
         config["start_from"] = _shortened(f"start_from={config['start_from']}").partition("=")[2]
     stem = CHECKOUT_FOLDER / file_stem(name)
@@ -103,9 +120,9 @@ def collect(run: Path, name: str) -> None:
     shutil.copy(run / CHAMPION_FILE, stem.with_suffix(CHAMPION_SUFFIX))
     card = {
         "name": name,
-        "commands": [command_of(stage) for stage in stages],
+        "commands": [*earlier.get("commands", []), *(command_of(stage) for stage in stages)],
         "config": {key: value for key, value in config.items() if key != "resume"},
-        **effort_of(stages),
+        **{key: value + earlier.get(key, 0) for key, value in effort.items()},
         "generation": champion.generation,
         "source": champion.source,
         "tests": {engine: result.as_json() for engine, result in tested(champion).items()},
@@ -146,9 +163,11 @@ def table_of_runs(runs: list[Path]) -> None:
     for run in runs:
         config, archive = load_config(run), load_archive(run).archive
         evaluations = effort_of(stages_of(run))["evaluations"]
+        found = (run / CHAMPION_FILE).is_file()
+        cells = cells_of(load_champion_file(run)) if found else "no valid body | | | |"
         print(
             f"| {config.task.name} | {config.optimizer.name} | {evaluations:,.0f} "
-            f"| {len(archive):,} | {cells_of(load_champion_file(run))}",
+            f"| {len(archive):,} | {cells}",
             flush=True,
         )
 

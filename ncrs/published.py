@@ -29,7 +29,7 @@ class PublishedChampion(Champion):
     """Task and recipe, such as "light_chase/best"."""
     card: dict[str, Any] | None = None
     """The record: the "commands" that trained it, one after the other, the "config" of the last,
-    "evaluations" of all, and under "tests" the result on 100 fresh episodes on each engine, see
+    "evaluations" of all, and under "tests" the result on 1,000 fresh episodes on each engine, see
     ``ncrs.assessment.Assessment``."""
 
 
