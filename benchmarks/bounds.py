@@ -1,10 +1,10 @@
-"""How many scenarios no robot can succeed in, because the way is too long for an episode.
+"""In how many scenarios the way is short enough for a robot that drives as fast as wheels can.
 
     python -m benchmarks.bounds
 
-A wheel's force vanishes at ``MAX_SPEED``, so that no robot goes farther in an episode than that
-speed times its length. The bounds ignore turning, and let the robot touch the ball with its far
-corner: they are generous.
+A wheel's force vanishes at ``MAX_SPEED``. The estimate ignores turning and collisions, and lets the
+robot touch the ball with its far corner, so it is generous; but a ball that is flung rather than
+pushed may be faster.
 """
 
 from __future__ import annotations
