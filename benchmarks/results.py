@@ -77,9 +77,11 @@ def command_of(run: Path) -> str:
 
 def _shortened(word: str) -> str:
     name, _, value = word.partition("=")
-    if name != "start_from" or value in champions():
-        return word
-    return f"{name}=runs/{Path(value).name}"
+    return f"{name}={_start_name(value)}" if name == "start_from" else word
+
+
+def _start_name(start: str) -> str:
+    return start if start in champions() else f"runs/{Path(start).name}"
 
 
 def effort_of(stages: list[Path]) -> dict[str, int]:
@@ -114,7 +116,7 @@ def collect(run: Path, name: str) -> None:
     earlier = earlier_of(stages[0])
     effort = effort_of(stages)
     if config["start_from"] is not None:
-        config["start_from"] = _shortened(f"start_from={config['start_from']}").partition("=")[2]
+        config["start_from"] = _start_name(config["start_from"])
     stem = CHECKOUT_FOLDER / file_stem(name)
     stem.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(run / CHAMPION_FILE, stem.with_suffix(CHAMPION_SUFFIX))

@@ -163,8 +163,10 @@ def load_archive(path: str | Path) -> EliteArchive:
             task,
             Archive.from_state(state["archive"]),
             int(state["runs"]),
-            # Archives written before there was a choice have none.
-            ScenarioSampling(**state.get("sampling", {})).check(),
+            # Older archives name the mirroring alone, or have none.
+            ScenarioSampling(
+                **state.get("sampling", {"mirroring": state.get("mirroring", "none")})
+            ).check(),
         )
         expected = make_archive(task.checked())
     except (TypeError, KeyError, ValueError) as error:

@@ -79,6 +79,17 @@ class NCALayout:
         """Length of a genome: 4,572, or 4,873 for CarryBall."""
         return sum(int(np.prod(shape)) for shape in self.parameter_shapes)
 
+    def layers(self, genomes: NDArray[Any]) -> list[NDArray[Any]]:
+        """Weight and bias of the three layers, each ``(P, *shape)``, of genomes
+        ``(P, num_parameters)``."""
+        ends = np.cumsum([int(np.prod(shape)) for shape in self.parameter_shapes])[:-1]
+        return [
+            part.reshape(len(genomes), *shape)
+            for part, shape in zip(
+                np.split(genomes, ends, axis=1), self.parameter_shapes, strict=True
+            )
+        ]
+
     def symmetric(self, genomes: NDArray[np.float64]) -> NDArray[np.float64]:
         """The nearest genomes that treat left and right alike, float64 ``(P, num_parameters)``.
 

@@ -69,6 +69,12 @@ def champions() -> list[str]:
     return sorted(stem.replace("-", "/") for stem in whole)
 
 
+def champion_path(source: Path) -> Path:
+    """The path itself; or, if there is none, the file of the published champion that it names."""
+    name = source.as_posix()
+    return source if source.exists() or name not in champions() else champion_file(name)
+
+
 def load_any_champion(source: str) -> Champion:
     """The champion of a run's folder or of a champion's file; or, if there is no such path, the one
     of that name in the package.
@@ -77,15 +83,14 @@ def load_any_champion(source: str) -> Champion:
         ConfigError: there is none.
         CheckpointError: its file is damaged.
     """
-    try:
-        return load_champion_file(source)
-    except ConfigError as error:
-        if Path(source).exists():
-            raise
-        try:
-            return load_champion(source)
-        except ChampionError as missing:
-            raise ConfigError(f"{error} {missing}") from error
+    path = champion_path(Path(source))
+    if not path.exists():
+        raise ConfigError(f"{source} does not exist. {_no_such(source)}")
+    return load_champion_file(path)
+
+
+def _no_such(name: str) -> str:
+    return f"There is no champion {name!r}; there are {champions()}."
 
 
 def load_champion(name: str) -> PublishedChampion:
@@ -102,7 +107,7 @@ def load_champion(name: str) -> PublishedChampion:
         CheckpointError: its files are damaged.
     """
     if name not in champions():
-        raise ChampionError(f"There is no champion {name!r}; there are {champions()}.")
+        raise ChampionError(_no_such(name))
     file = champion_file(name)
     champion = load_champion_file(file)
     try:

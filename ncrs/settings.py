@@ -143,13 +143,13 @@ class TrainConfig:
     def check(self) -> TrainConfig:
         """Return this if all values are in range, else raise ``ConfigError``."""
         try:
-            self.sampling()
+            sampling = self.sampling()
             optimizer = check_settings(self.optimizer.name, self.optimizer.given())
             resolve_engine(self.engine.name)
             check_workers(self.engine.workers)
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        if self.runs % 2 and self.sampling().mirroring != "none":
+        if self.runs % 2 and sampling.mirroring != "none":
             raise ConfigError(
                 f"runs must be even, since scenarios come in pairs of mirror images, got "
                 f"{self.runs!r}; or set mirroring=none."

@@ -53,8 +53,8 @@ def transferred(genome: Any, source: NCALayout, target: NCALayout) -> NDArray[np
     Raises:
         GenomeError: the genome does not fit ``source``.
     """
-    checked = source.check_genomes(genome)[0].astype(np.float64)
-    reading, bias1, middle, bias2, writing, bias3 = _split(checked, source)
+    layers = source.layers(source.check_genomes(genome).astype(np.float64))
+    reading, bias1, middle, bias2, writing, bias3 = (layer[0] for layer in layers)
     names = {name: index for index, name in enumerate(_channel_names(source))}
     new_reading = np.zeros((FEATURES, target.channels, KERNEL_SIZE, KERNEL_SIZE))
     new_writing = np.zeros((target.channels, FEATURES, 1, 1))
@@ -64,18 +64,10 @@ def transferred(genome: Any, source: NCALayout, target: NCALayout) -> NDArray[np
             new_reading[:, index] = reading[:, names[name]]
             new_writing[index] = writing[names[name]]
             new_bias[index] = bias3[names[name]]
-    layers = (new_reading, bias1, middle, bias2, new_writing, new_bias)
-    return np.concatenate([layer.ravel() for layer in layers])
+    carried = (new_reading, bias1, middle, bias2, new_writing, new_bias)
+    return np.concatenate([layer.ravel() for layer in carried])
 
 
 def _channel_names(layout: NCALayout) -> list[str]:
     parts = [cell.name for cell in layout.task.part_cells]
     return ["body", "control", *parts, *map(str, range(HIDDEN_CHANNELS)), "input/output"]
-
-
-def _split(genome: NDArray[np.float64], layout: NCALayout) -> list[NDArray[np.float64]]:
-    """The genome's layers, in their own shapes."""
-    shapes = layout.parameter_shapes
-    ends = np.cumsum([np.prod(shape) for shape in shapes])[:-1]
-    parts = np.split(genome, ends.astype(int))
-    return [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]

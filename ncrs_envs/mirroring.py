@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle
 from typing import Any, Literal
 
 import numpy as np
@@ -24,7 +25,7 @@ from ncrs_envs.scenario import (
     sample_scenarios,
     scenario_streams,
 )
-from ncrs_envs.tasks import Task, get_task
+from ncrs_envs.tasks import REGIONS, Task, get_task
 
 Mirroring = Literal["none", "front_back", "all"]
 MIRRORINGS: tuple[Mirroring, ...] = ("none", "front_back", "all")
@@ -114,8 +115,14 @@ def _turned(scenario: Scenario) -> Scenario:
     return mirror_left_right(mirror_front_back(scenario))
 
 
-# In this order the images cancel in every two runs: lights in opposite corners.
-_LIGHT_CHASE_IMAGES: Sequence[Image] = (_same, _turned, mirror_front_back, mirror_left_right)
+def _images(mirroring: Mirroring, task: Task) -> tuple[Sequence[Image], Sequence[int]]:
+    """What is made of each draw, so that every two runs cancel; and the draws' regions in turn."""
+    columns = _is_directed(task)
+    if mirroring == "front_back":
+        return (_same, mirror_front_back), range(REGIONS) if columns else (2, 3)
+    if columns:
+        return (_same, mirror_left_right), range(REGIONS)
+    return (_same, _turned, mirror_front_back, mirror_left_right), (2,)
 
 
 @dataclass(frozen=True)
@@ -167,21 +174,11 @@ class ScenarioSampling:
         self.check()
         if self.mirroring == "none":
             return sample_scenarios(task, seed, n, grid_size, self.noise)
+        images, regions = _images(self.mirroring, task)
         scenarios: list[Scenario] = []
-        columns = _is_directed(task)
-        size = 4 if self.mirroring == "all" and not columns else 2
-        for index, stream in enumerate(scenario_streams(seed, n, per_stream=size)):
-
-            def draw(region: int, stream: np.random.Generator = stream) -> Scenario:
-                return sample_scenario(task, stream, region, grid_size, self.noise)
-
-            if size == 4:
-                ahead = draw(2)
-                scenarios += [image(ahead) for image in _LIGHT_CHASE_IMAGES]
-                continue
-            drawn = draw(index % 4 if columns else 2 + index % 2)
-            image = mirror_front_back if self.mirroring == "front_back" else mirror_left_right
-            scenarios += [drawn, image(drawn)]
+        for stream, region in zip(scenario_streams(seed, n, len(images)), cycle(regions)):
+            drawn = sample_scenario(task, stream, region, grid_size, self.noise)
+            scenarios += [image(drawn) for image in images]
         return scenarios[:n]
 
 

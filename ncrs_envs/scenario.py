@@ -27,7 +27,7 @@ FAR = 0.6
 NEAR = 0.3
 NOISE = 0.05
 LARGEST_NOISE = 0.35
-"""Up to here no light stands within the success radius of a robot that has not moved."""
+"""Up to here, on 5 x 5 cells, no light is so near that a robot succeeds before it moves."""
 START_Y = -0.85
 CORNER_REGIONS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 COLUMN_REGIONS = (-FAR, -NEAR, NEAR, FAR)

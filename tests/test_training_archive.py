@@ -11,12 +11,13 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from ncrs import evaluate
 from ncrs.champion import load_champion_file
-from ncrs.checkpoint import CheckpointFolder
+from ncrs.checkpoint import CheckpointFolder, read_state, write_state
 from ncrs.elites import load_archive
 from ncrs.engines.base import Engine
 from ncrs.layout import nca_layout
 from ncrs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig, save_config
 from ncrs.training import RunError, train
+from ncrs_envs.mirroring import ScenarioSampling
 
 ROOT = Path(__file__).parents[1]
 GENERATIONS = 8
@@ -235,6 +236,11 @@ def test_symmetric_search_on_mirrored_scenarios(tmp_path):
         assert front == (back[0], -back[1])
         again = evaluate(elite.genome, "light_chase", scenarios=elite.scenarios, engine="batched")
         assert again.fitness[0] == pytest.approx(elite.fitness, abs=1e-6)
+    state = read_state(tmp_path / "archive.npz")
+    del state["sampling"]
+    state["mirroring"] = "front_back"  # as it was written before the noise could be chosen
+    write_state(tmp_path / "archive.npz", state)
+    assert load_archive(tmp_path).sampling == ScenarioSampling("front_back")
     champion = load_champion_file(tmp_path)
     weights = champion.genome[None].astype(np.float64)
     np.testing.assert_allclose(layout.symmetric(weights), weights, atol=1e-7)

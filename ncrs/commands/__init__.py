@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ncrs.champion import Champion
-from ncrs.published import champion_file, champions, file_stem
+from ncrs.published import champion_path, file_stem
 from ncrs.settings import ConfigError
 
 if TYPE_CHECKING:
@@ -28,16 +28,10 @@ def folder_of(run: Path) -> Path:
     return run if run.is_dir() else run.parent
 
 
-def robot_path(source: Path) -> Path:
-    """The path itself, or the file of the published champion that it names."""
-    name = source.as_posix()
-    return source if source.exists() or name not in champions() else champion_file(name)
-
-
 def output_folder(source: Path) -> Path:
     """Where to write what is made of a robot: into its run's folder, or beside its file; of a
     published champion into a folder of its name, which is made here."""
-    if robot_path(source) == source:
+    if champion_path(source) == source:
         return folder_of(source)
     folder = Path(file_stem(source.as_posix()))
     try:

@@ -7,13 +7,7 @@ from pathlib import Path
 
 from ncrs.assessment import EPISODES, REFERENCE_ENGINE, assess
 from ncrs.checkpoint import write_json
-from ncrs.commands import (
-    ROBOT_HELP,
-    Commands,
-    describe,
-    output_folder,
-    print_saved,
-)
+from ncrs.commands import ROBOT_HELP, Commands, describe, output_folder, print_saved
 from ncrs.engines.base import ENGINES
 from ncrs.published import load_any_champion
 

@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ncrs.commands import Commands, output_folder, print_saved, robot_path
+from ncrs.commands import Commands, output_folder, print_saved
+from ncrs.published import champion_path
 from ncrs_envs.tasks import TASKS
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def given_robot(options: argparse.Namespace) -> EvolvedRobot:
     from ncrs.viz.robots import load_robot
 
     return load_robot(
-        robot_path(options.robot),
+        champion_path(options.robot),
         features=options.features,
         task=options.task,
         grid_size=options.grid_size,

@@ -5,13 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ncrs.commands import (
-    ROBOT_HELP,
-    Commands,
-    describe,
-    output_folder,
-    print_saved,
-)
+from ncrs.commands import ROBOT_HELP, Commands, describe, output_folder, print_saved
 from ncrs.pictures import DEFAULT_SIZE, save_pictures
 from ncrs.published import load_any_champion
 

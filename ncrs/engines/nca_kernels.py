@@ -100,12 +100,7 @@ def pack_genomes(genomes: FloatArray, layout: NCALayout) -> tuple[Network, Netwo
         arrays have shape ``(P, ...)``. The control flag's update is zero.
     """
     population = len(genomes)
-    sizes = [int(np.prod(shape)) for shape in layout.parameter_shapes]
-    parts = np.split(genomes, np.cumsum(sizes)[:-1], axis=1)
-    weight1, bias1, weight2, bias2, weight3, bias3 = (
-        part.reshape(population, *shape)
-        for part, shape in zip(parts, layout.parameter_shapes, strict=True)
-    )
+    weight1, bias1, weight2, bias2, weight3, bias3 = layout.layers(genomes)
     positions = KERNEL_SIZE * KERNEL_SIZE
     weight1 = weight1.reshape(population, FEATURES, layout.channels, positions)
     shared = (
