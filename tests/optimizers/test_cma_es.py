@@ -1,12 +1,13 @@
 """CMA-ES: that it is CMA-ES, and that its state is complete."""
 
+import math
 import warnings
 
 import numpy as np
 import pytest
 import torch
 
-from benchmarks.optimizers import compare
+from benchmarks.optimizers import compare, default_population, evaluations_to_target, sphere
 from ncrs.checkpoint import read_state, write_state
 from ncrs.optimizers import OptimizerError, make_optimizer
 from ncrs.optimizers.cma_es import CMAES, IsotropicCMAES
@@ -178,7 +179,29 @@ def test_one_seed_one_run_and_numpys_generator_is_left_alone():
 def test_it_is_still_cma_es(function):
     # The turning of the Cholesky factor must not upset the step size.
     row = compare(function, dimension=6, seeds=5, precision="float32")
+    assert row["ours_reached"] >= 3
+    assert row["pycma_reached"] >= 3
     assert 0.85 < row["ratio"] < 1.15
+
+
+def test_converging_elsewhere_is_not_reaching_the_target():
+    population = default_population(6)
+
+    def displaced(x):  # as the second optimum of Rosenbrock: its least value is 4, not 0
+        return sphere(x) + 4.0
+
+    def ours(dimension, seed, population):
+        return CMAES(dimension, np.random.SeedSequence(seed), sigma=0.3, population=population)
+
+    asked = []
+
+    def counted(x):
+        asked.append(len(x))
+        return displaced(x)
+
+    assert evaluations_to_target(ours, counted, 6, seed=0, budget=60_000) == math.inf
+    assert sum(asked) < 60_000 - population  # it saw so before the budget was spent
+    assert evaluations_to_target(ours, sphere, 6, seed=0, budget=60_000) < 60_000
 
 
 def test_the_isotropic_control_learns_no_covariance():
