@@ -14,7 +14,7 @@ import argparse
 import re
 import shutil
 import tempfile
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,11 @@ from ncrs.settings import load_config
 
 EPISODES, SEED = 1000, 1
 PICTURE_SIZE = 240
-HEADINGS = "fitness, Box2D | success, Box2D (95 %) | crossed | fitness, batched"
+HEADINGS = (
+    "evaluations | fitness, Box2D | success, Box2D (95 %) | crossed | fitness, batched | "
+    "success, batched"
+)
+_RULE = "---|" * (HEADINGS.count("|") + 1)
 _NAME = re.compile(r"[a-z0-9_]+/[a-z0-9_]+")
 _ARCHIVE_KEYS = ("filled", "filled_share", "qd_score", "best", "beat_standing_still", "succeed")
 
@@ -56,22 +60,52 @@ def tested(champion: Champion) -> dict[str, Assessment]:
     }
 
 
-def stages_of(run: Path) -> list[Path]:
-    """The runs that led to a run, each started from the champion of the one before it."""
-    start = load_config(run).start_from
-    return [run] if start is None or not Path(start).is_dir() else [*stages_of(Path(start)), run]
+@dataclass(frozen=True)
+class Training:
+    """What led to a run's champion: its own run and all earlier stages."""
+
+    commands: list[str]
+    """Command lines, one after the other."""
+    generations: int
+    evaluations: int
+    env_steps: int
 
 
-def earlier_of(run: Path) -> dict[str, Any]:
-    """The card of the published champion that a run started from; empty if it did not."""
+def training_of(run: Path) -> Training:
+    """How a run's champion came about, from the folders of its stages, or the card it began with.
+
+    Raises:
+        ConfigError: a stage is missing.
+    """
     start = load_config(run).start_from
-    return (load_champion(start).card or {}) if start in champions() else {}
+    if start is None:
+        before = Training([], 0, 0, 0)
+    elif not Path(start).exists() and start in champions():
+        card = load_champion(start).card or {}
+        before = Training(**{field.name: card[field.name] for field in fields(Training)})
+    else:
+        before = training_of(_folder(start))
+    table = read_metrics(run)
+    return Training(
+        commands=[*before.commands, command_of(run)],
+        generations=before.generations + len(table["generation"]),
+        evaluations=before.evaluations + int(table["progress/evaluations"][-1]),
+        env_steps=before.env_steps + int(table["progress/env_steps"][-1]),
+    )
 
 
 def command_of(run: Path) -> str:
-    """The command line that trained a run, in a folder of its own name."""
-    overrides = yaml.safe_load((run / ".hydra" / "overrides.yaml").read_text())
-    words = [word for word in overrides if not word.startswith(("hydra.", "resume="))]
+    """The command line that trained a run, in a folder of its own name.
+
+    ``generations`` is that of the run's end, which resuming may have raised.
+    """
+    recorded = run / ".hydra"
+    words = yaml.safe_load((recorded / "overrides.yaml").read_text())
+    words = [word for word in words if not word.startswith(("hydra.", "resume="))]
+    generations = load_config(run).generations
+    if yaml.safe_load((recorded / "config.yaml").read_text())["generations"] != generations:
+        words = [word for word in words if not word.startswith("generations=")]
+        words.append(f"generations={generations}")
     return " ".join(["python train.py", *map(_shortened, words), f"hydra.run.dir=runs/{run.name}"])
 
 
@@ -81,19 +115,13 @@ def _shortened(word: str) -> str:
 
 
 def _start_name(start: str) -> str:
-    return start if start in champions() else f"runs/{Path(start).name}"
+    return start if start in champions() else f"runs/{_folder(start).name}"
 
 
-def effort_of(stages: list[Path]) -> dict[str, int]:
-    """Generations, evaluations and environment steps of runs, from their tables of curves."""
-    tables = [read_metrics(run) for run in stages]
-    return {
-        "generations": sum(len(table["generation"]) for table in tables),
-        **{
-            key: sum(int(table[f"progress/{key}"][-1]) for table in tables)
-            for key in ("evaluations", "env_steps")
-        },
-    }
+def _folder(start: str) -> Path:
+    """The folder of the run that ``start_from`` names by its folder or its champion's file."""
+    path = Path(start)
+    return path.parent if path.name == CHAMPION_FILE else path
 
 
 def archive_of(run: Path) -> dict[str, Any]:
@@ -112,9 +140,7 @@ def collect(run: Path, name: str) -> None:
     if not _NAME.fullmatch(name):
         raise SystemExit(f"NAME must be a task and a recipe, such as light_chase/best, got {name}.")
     champion = load_champion_file(run)
-    config, stages = asdict(load_config(run)), stages_of(run)
-    earlier = earlier_of(stages[0])
-    effort = effort_of(stages)
+    config, training = asdict(load_config(run)), training_of(run)
     if config["start_from"] is not None:
         config["start_from"] = _start_name(config["start_from"])
     stem = CHECKOUT_FOLDER / file_stem(name)
@@ -122,9 +148,8 @@ def collect(run: Path, name: str) -> None:
     shutil.copy(run / CHAMPION_FILE, stem.with_suffix(CHAMPION_SUFFIX))
     card = {
         "name": name,
-        "commands": [*earlier.get("commands", []), *(command_of(stage) for stage in stages)],
+        **asdict(training),
         "config": {key: value for key, value in config.items() if key != "resume"},
-        **{key: value + earlier.get(key, 0) for key, value in effort.items()},
         "generation": champion.generation,
         "source": champion.source,
         "tests": {engine: result.as_json() for engine, result in tested(champion).items()},
@@ -142,34 +167,36 @@ def cells_of(champion: Champion) -> str:
     """The cells of a table's row that say how a champion did in the test."""
     results = tested(champion)
     reference, batched = results["box2d"], results["batched"]
-    low, high = reference.success.interval
-    crossed = "-" if reference.crossed is None else f"{reference.crossed.share:.0%}"
+    share, low, high = reference.success.percentages()
+    crossed = "-" if reference.crossed is None else reference.crossed.percentages()[0]
     return (
-        f"{reference.fitness:.4f} | {reference.success.share:.0%} "
-        f"({low:.0%} to {high:.0%}) | {crossed} | {batched.fitness:.4f} |"
+        f"{reference.fitness:.4f} | {share} ({low} to {high}) | {crossed} "
+        f"| {batched.fitness:.4f} | {batched.success.percentages()[0]} |"
     )
 
 
 def table() -> None:
     """Print a row for each champion, tested anew."""
     print(f"| champion | {HEADINGS} |")
-    print("|---|---|---|---|---|")
+    print(f"|---|{_RULE}")
     for name in champions():
-        print(f"| `{name}` | {cells_of(load_champion(name))}", flush=True)
+        champion = load_champion(name)
+        evaluations = (champion.card or {})["evaluations"]
+        print(f"| `{name}` | {evaluations:,} | {cells_of(champion)}", flush=True)
 
 
 def table_of_runs(runs: list[Path]) -> None:
     """Print a row for each run: what it was, what it cost, and its champion's test."""
-    print(f"| task | optimizer | evaluations | triples filled | {HEADINGS} |")
-    print("|---|---|---|---|---|---|---|---|")
+    print(f"| task | optimizer | triples filled | {HEADINGS} |")
+    print(f"|---|---|---|{_RULE}")
     for run in runs:
         config, archive = load_config(run), load_archive(run).archive
-        evaluations = effort_of(stages_of(run))["evaluations"]
+        evaluations = training_of(run).evaluations
         found = (run / CHAMPION_FILE).is_file()
-        cells = cells_of(load_champion_file(run)) if found else "no valid body | | | |"
+        cells = cells_of(load_champion_file(run)) if found else "no valid body | | | | |"
         print(
-            f"| {config.task.name} | {config.optimizer.name} | {evaluations:,.0f} "
-            f"| {len(archive):,} | {cells}",
+            f"| {config.task.name} | {config.optimizer.name} | {len(archive):,} "
+            f"| {evaluations:,} | {cells}",
             flush=True,
         )
 
@@ -177,8 +204,9 @@ def table_of_runs(runs: list[Path]) -> None:
 def main() -> None:
     """Collect a run, or print the table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--collect", nargs=2, metavar=("RUN", "NAME"))
-    parser.add_argument("--runs", nargs="+", type=Path, metavar="RUN")
+    either = parser.add_mutually_exclusive_group()
+    either.add_argument("--collect", nargs=2, metavar=("RUN", "NAME"))
+    either.add_argument("--runs", nargs="+", type=Path, metavar="RUN")
     options = parser.parse_args()
     if options.runs is not None:
         table_of_runs(options.runs)

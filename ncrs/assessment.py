@@ -15,6 +15,8 @@ from ncrs_envs.scenario import sample_scenarios
 
 EPISODES = 100
 """Fresh episodes in the paper's tests."""
+_EPISODES_OF_A_DECIMAL = 1000
+"""From so many on a tenth of a percent is worth printing."""
 REFERENCE_ENGINE = "box2d"
 """Champions are tested in the reference physics, whichever engine they evolved on."""
 # Seeds the scenarios apart from those of training, which begin with other keys.
@@ -36,12 +38,15 @@ class Share:
         """Share and interval of a count."""
         return cls(count, episodes, count / episodes, wilson_interval(count, episodes))
 
+    def percentages(self) -> tuple[str, str, str]:
+        """The share and the ends of its interval, as precisely as the episodes allow."""
+        digits = 0 if self.episodes < _EPISODES_OF_A_DECIMAL else 1
+        share, low, high = (f"{value:.{digits}%}" for value in (self.share, *self.interval))
+        return share, low, high
+
     def __str__(self) -> str:
-        low, high = self.interval
-        return (
-            f"{self.count} of {self.episodes} episodes ({self.share:.0%}; 95 % interval "
-            f"{low:.0%} to {high:.0%})"
-        )
+        share, low, high = self.percentages()
+        return f"{self.count} of {self.episodes} episodes ({share}; 95 % interval {low} to {high})"
 
 
 @dataclass(frozen=True)

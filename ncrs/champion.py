@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -48,8 +48,9 @@ class Champion:
         return NCA(self.task.name).set_genome(self.genome)
 
     def state(self) -> dict[str, Any]:
-        """Arrays and JSON values, for checkpoints."""
-        return {**vars(self), "task": asdict(self.task)}
+        """Arrays and JSON values, for checkpoints; what subclasses add is left out."""
+        known = {field.name: getattr(self, field.name) for field in fields(Champion)}
+        return {**known, "task": asdict(self.task)}
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> Champion:

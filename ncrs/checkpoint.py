@@ -1,7 +1,8 @@
 """Checkpoints: nested dicts of arrays and JSON values in one file, written atomically.
 
 A file is an uncompressed ``.npz``: the arrays, and one JSON text that holds all else. Reading it
-executes nothing, and the archive's checksums recognise truncated or altered files.
+executes nothing, and truncated or altered files are recognised: all checksums are verified before
+anything is made of the contents.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import os
 import threading
 import warnings
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -24,6 +26,7 @@ _ARRAY_KEY = "__array__"
 _PATTERN = "generation_*.npz"
 _KEPT = 2
 _TEMPORARY = ".tmp"
+_DAMAGED = ".damaged"
 
 
 class CheckpointError(RuntimeError):
@@ -56,6 +59,18 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
         raise CheckpointError(
             f"Could not write {path}: {error.strerror or error}. What was there before is intact; "
             "free space or change permissions and continue."
+        ) from error
+
+
+@contextmanager
+def writing_into(folder: Path) -> Iterator[None]:
+    """Turn what the file system refuses in the block into a ``CheckpointError`` that says so."""
+    try:
+        yield
+    except OSError as error:
+        raise CheckpointError(
+            f"Could not write into {folder}: {error.strerror or error}. Free space, change its "
+            "permissions, or use another folder."
         ) from error
 
 
@@ -95,10 +110,17 @@ def read_state(path: Path) -> dict[str, Any]:
         CheckpointError: the file is missing, truncated, altered, or something else.
     """
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
+        content = io.BytesIO(path.read_bytes())
+        # An array is read as far as its header says, which need not be as far as its checksum.
+        with zipfile.ZipFile(content) as members:
+            altered = members.testzip()
+        if altered is not None:
+            raise zipfile.BadZipFile(f"{altered} does not have its checksum")
+        content.seek(0)
+        with np.load(content, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         state: dict[str, Any] = _put_arrays(json.loads(arrays[_JSON_MEMBER].tobytes()), arrays)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except Exception as error:  # from altered bytes zipfile and numpy raise nearly anything
         raise CheckpointError(f"{path} is not a whole checkpoint: {error}.") from error
     return state
 
@@ -184,38 +206,39 @@ class CheckpointFolder:
             self._failure = error
 
     def _write(self, generation: int, state: dict[str, Any]) -> Path:
-        try:
+        with writing_into(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
             for unfinished in self.folder.glob(f".*{_TEMPORARY}"):
                 unfinished.unlink()  # left by a process that was killed while it wrote
-        except OSError as error:
-            raise CheckpointError(
-                f"Could not write into {self.folder}: {error.strerror or error}. Change its "
-                "permissions, or use another folder."
-            ) from error
         path = self.folder / f"generation_{generation:08d}.npz"
         write_state(path, state)
-        for old in self.paths()[_KEPT:]:
-            old.unlink()
+        with writing_into(self.folder):
+            for old in self.paths()[_KEPT:]:
+                old.unlink()
         return path
 
     def load(self) -> dict[str, Any]:
         """Read the newest whole checkpoint; warn about each damaged one that is passed over.
 
+        Those get another name, so that they do not count among the newest two.
+
         Raises:
-            CheckpointError: there is none.
+            CheckpointError: there is none, or a damaged one cannot be renamed.
         """
         self.wait()
-        damaged = []
+        damaged: dict[Path, str] = {}
         for path in self.paths():
             try:
                 state = read_state(path)
             except CheckpointError as error:
-                damaged.append(str(error))
+                damaged[path] = str(error)
                 continue
-            for message in damaged:
+            for passed, message in damaged.items():
+                with writing_into(self.folder):
+                    passed.rename(passed.with_name(passed.name + _DAMAGED))
                 warnings.warn(f"{message} Going on from {path.name}.", CheckpointWarning, 2)
             return state
         if damaged:
-            raise CheckpointError(f"No whole checkpoint in {self.folder}: {' '.join(damaged)}")
+            reasons = " ".join(damaged.values())
+            raise CheckpointError(f"No whole checkpoint in {self.folder}: {reasons}")
         raise CheckpointError(f"No checkpoint in {self.folder}: the run was not started there.")

@@ -41,9 +41,13 @@ def transferred(genome: Any, source: NCALayout, target: NCALayout) -> NDArray[np
 
     Channels are matched by what they are for, a part's by its cell type. What the automaton reads
     and writes in channels that both tasks have stays as it is; channels that only the target has
-    are neither read nor written. So it grows a body of the same shape, in which only cells with
-    negative values for all the parts that the source has become a part that is new; and with the
-    same body and sensor values it does the same. Between tasks with the same channels it is a copy.
+    are neither read nor written, and those that only the source has are lost.
+
+    Between tasks with the same channels it is a copy. Towards CarryBall, it grows a body of the
+    same shape, in which only cells with negative values for all the parts that the source has
+    become target sensors, and with the same body and sensor values it does the same. From
+    CarryBall, the automaton loses the target sensor's channel, in which it may have kept what it
+    needs: body and behaviour may be others.
 
     Args:
         genome: real numbers, ``(num_parameters of source,)``.

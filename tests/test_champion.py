@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ncrs.assessment import assess
+from ncrs.assessment import Share, assess
 from ncrs.champion import Champion, load_champion_file
 from ncrs.checkpoint import CheckpointError, write_state
 from ncrs.cli import main
@@ -15,6 +15,7 @@ from ncrs.development import grow
 from ncrs.evaluation import evaluate
 from ncrs.nca import NCA
 from ncrs.pictures import episode_frames
+from ncrs.published import load_champion
 from ncrs.settings import ConfigError, TaskConfig
 from ncrs_envs.rendering import RenderError
 from ncrs_envs.scenario import ScenarioError
@@ -39,6 +40,19 @@ def test_round_trip(champion, run_dir):
         np.testing.assert_array_equal(loaded.body, champion.body)
         assert (loaded.task, loaded.fitness, loaded.source) == (champion.task, 0.4, "mean")
         np.testing.assert_array_equal(loaded.nca.genome(), champion.genome)
+
+
+def test_a_published_champion_can_be_saved_too(tmp_path):
+    published = load_champion("light_chase/best")
+    published.save(tmp_path / "champion.npz")
+    np.testing.assert_array_equal(load_champion_file(tmp_path).genome, published.genome)
+
+
+def test_shares_are_as_precise_as_the_episodes_allow():
+    assert str(Share.of(998, 1000)) == (
+        "998 of 1000 episodes (99.8%; 95 % interval 99.3% to 99.9%)"
+    )
+    assert Share.of(25, 100).percentages() == ("25%", "18%", "34%")
 
 
 def test_missing_and_foreign_files(tmp_path):

@@ -72,6 +72,30 @@ def test_one_altered_byte_is_recognised(tmp_path):
         read_state(path)
 
 
+def test_no_altered_byte_of_a_header_passes(tmp_path):
+    # Headers and directory: all that is not one of the array's many equal bytes.
+    path = tmp_path / "state.npz"
+    values = np.full(5000, 0.5)
+    write_state(path, {"array": values, "number": 7})
+    data = path.read_bytes()
+    first = data.index(values[:1].tobytes() * 2)
+    positions = [*range(first + 8), *range(first + values.nbytes - 8, len(data))]
+    recognised = 0
+    for place in positions:
+        altered = bytearray(data)
+        altered[place] ^= 1 << place % 8
+        path.write_bytes(bytes(altered))
+        try:
+            loaded = read_state(path)
+        except CheckpointError:
+            recognised += 1
+        else:  # such as the date of a member
+            assert loaded.keys() == {"array", "number"}, place
+            assert loaded["number"] == 7, place
+            np.testing.assert_array_equal(loaded["array"], values, strict=True)
+    assert recognised > 0.7 * len(positions)
+
+
 def test_the_newest_two_are_kept(tmp_path):
     folder = CheckpointFolder(tmp_path / "checkpoints")
     for generation in (0, 5, 9, 100):
@@ -91,7 +115,13 @@ def test_a_damaged_checkpoint_is_passed_over_with_a_warning(tmp_path):
     newest.write_bytes(newest.read_bytes()[:-100])
     with pytest.warns(CheckpointWarning, match=r"generation_00000002.*from generation_00000001"):
         assert folder.load()["generation"] == 1
-    folder.paths()[1].write_bytes(b"")
+    folder.save(3, state(3))  # beside the whole one, not the damaged one
+    assert [path.name for path in folder.paths()] == [
+        "generation_00000003.npz",
+        "generation_00000001.npz",
+    ]
+    for path in folder.paths():
+        path.write_bytes(b"")
     with pytest.raises(CheckpointError, match="No whole checkpoint"):
         folder.load()
 
