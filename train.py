@@ -8,9 +8,10 @@ from omegaconf import DictConfig
 from ncrs.checkpoint import CheckpointError
 from ncrs.config import check_arguments, current_job, register
 from ncrs.engines import EngineError
+from ncrs.run_lock import RunError
 from ncrs.settings import ConfigError
 from ncrs.summary import exit_code, finished_lines, stopped_lines
-from ncrs.training import RunError, train
+from ncrs.training import train
 
 
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")

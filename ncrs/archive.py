@@ -213,12 +213,20 @@ class Archive:
             fitness, success, standing_still, seeds: as for ``add``, for the E elites.
 
         Raises:
-            ArchiveError: another number of values, or infinite fitness; nothing was changed.
+            ArchiveError: another number of values, infinite fitness, or nothing but NaN; nothing
+                was changed.
         """
         cells = self.cells
-        self._check("fitness", fitness, (len(cells),))
-        self._check("success", success, (len(cells),))
+        count = len(cells)
+        self._check("fitness", fitness, (count,))
+        self._check("success", success, (count,))
+        if np.shape(seeds) != (SEED_LENGTH,):
+            self._check("seeds", seeds, (count, SEED_LENGTH))
+        if np.ndim(standing_still):
+            self._check("standing_still", standing_still, (count,))
         _check_not_infinite(fitness)
+        if count and np.isnan(fitness).all():
+            raise ArchiveError(f"All {count} elites have fitness NaN when they are estimated anew.")
         self._columns["fitness"][cells] = fitness
         self._columns["success"][cells] = success
         self._columns["standing_still"][cells] = standing_still
@@ -287,7 +295,14 @@ class Archive:
                 raise ArchiveError(
                     f"Cannot load the archive: its {key} is {state.get(key)!r}, expected {value!r}."
                 )
-        cells, elites = state["cells"], state["elites"]
+        cells, elites = np.asarray(state["cells"]), state["elites"]
+        ascending = cells.ndim == 1 and cells.dtype.kind == "i" and (np.diff(cells) > 0).all()
+        possible = len(self.space.triples)
+        if not ascending or (len(cells) and not 0 <= cells[0] <= cells[-1] < possible):
+            raise ArchiveError(
+                f"Cannot load the archive: its cells must be integers from 0 to {possible - 1} in "
+                "ascending order."
+            )
         for name, column in self._columns.items():
             self._check(name, elites[name], (len(cells), *column.shape[1:]))
         if not np.isfinite(elites["fitness"]).all():
@@ -321,6 +336,6 @@ def _check_not_infinite(fitness: NDArray[np.float64]) -> None:
     infinite = np.flatnonzero(np.isinf(fitness))
     if len(infinite):
         raise ArchiveError(
-            f"Fitness must not be infinite; it is for genomes {infinite.tolist()}. Nothing was "
-            "added."
+            f"Fitness must not be infinite; it is for genomes {infinite.tolist()}. The archive is "
+            "as it was."
         )

@@ -15,19 +15,19 @@ from omegaconf import DictConfig, OmegaConf
 
 from ncrs.engines.base import resolve_engine
 from ncrs.settings import (
+    CHANGED_ON_RESUME,
     ConfigError,
     TrainConfig,
+    check_same_settings,
     check_setting_name,
     config_from_dict,
+    lasting_settings,
     load_config,
     setting_names,
 )
 
 GROUPS = ("task", "optimizer", "engine", "experiment")
 SCHEMA = "train_schema"
-
-CHANGED_ON_RESUME = ("generations", "engine.workers", "checkpoint_seconds")
-"""Settings that may differ when a run goes on; all others are the run's own."""
 
 
 def register() -> None:
@@ -70,13 +70,13 @@ def check_arguments(arguments: Sequence[str]) -> None:
         return
     if {"-m", "--multirun"} & set(arguments):
         raise ConfigError("resume continues one run; leave out --multirun.")
-    load_config(Path(str(resume)))
-    fixed = sorted(set(given) - {"resume", *CHANGED_ON_RESUME})
-    if fixed:
-        raise ConfigError(
-            f"A resumed run keeps its own settings; {', '.join(fixed)} cannot be given. "
-            f"Only {', '.join(CHANGED_ON_RESUME)} may change."
-        )
+    fixed: dict[str, Any] = {}
+    for name in sorted(set(given) - {"resume", *CHANGED_ON_RESUME}):
+        if name == "experiment":
+            raise ConfigError("A resumed run keeps its own settings: leave out experiment.")
+        group, _, key = (f"{name}.name" if name in GROUPS else name).rpartition(".")
+        (fixed.setdefault(group, {}) if group else fixed)[key] = given[name]
+    check_same_settings(lasting_settings(load_config(Path(str(resume)))), fixed)
 
 
 def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:

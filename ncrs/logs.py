@@ -20,6 +20,7 @@ from tqdm import tqdm
 
 from ncrs.archive import Archive
 from ncrs.champion import Champion
+from ncrs.checkpoint import writing_into
 from ncrs.engines.base import Evaluation
 from ncrs.metrics import MetricsFile
 from ncrs.settings import TrainConfig
@@ -85,7 +86,9 @@ class RunLog:
     """
 
     def __init__(self, run_dir: Path, config: TrainConfig, start: int) -> None:
-        self._writer = SummaryWriter(str(run_dir), purge_step=start if start else None)
+        self._run_dir = run_dir
+        with writing_into(run_dir):
+            self._writer = SummaryWriter(str(run_dir), purge_step=start if start else None)
         self._pictures = RunPictures(self._writer)
         self._table = MetricsFile(run_dir, start)
         self._of_champion: dict[str, float] = {}
@@ -118,8 +121,9 @@ class RunLog:
         """
         values = {**metrics, **self._of_champion}
         self._of_champion = {}
-        add_curves(self._writer, values, index)
-        self._table.add(index, values)
+        with writing_into(self._run_dir):
+            add_curves(self._writer, values, index)
+            self._table.add(index, values)
         self._bar.set_postfix(best=f"{best:.4f}", refresh=False)
         self._bar.update()
 
@@ -129,7 +133,8 @@ class RunLog:
             "champion/fitness": champion.fitness,
             "champion/success": champion.success,
         }
-        self._pictures.champion(champion)
+        with writing_into(self._run_dir):
+            self._pictures.champion(champion)
 
     def population(
         self,
@@ -147,9 +152,10 @@ class RunLog:
             archive: after this generation.
         """
         last = index == self._last
-        self._pictures.generation(index, fitness, genomes, archive, last=last)
-        if last:
-            add_end(self._writer)
+        with writing_into(self._run_dir):
+            self._pictures.generation(index, fitness, genomes, archive, last=last)
+            if last:
+                add_end(self._writer)
 
     def __enter__(self) -> RunLog:
         return self
@@ -161,4 +167,5 @@ class RunLog:
         traceback: TracebackType | None,
     ) -> None:
         self._bar.close()
-        self._writer.close()
+        with writing_into(self._run_dir):
+            self._writer.close()

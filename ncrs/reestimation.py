@@ -27,7 +27,7 @@ def reestimate(
     runs: int,
     should_stop: StopCheck | None = None,
     sampling: ScenarioSampling = PLAIN_SAMPLING,
-) -> None:
+) -> int:
     """Evaluate all elites on the same fresh scenarios, and keep those estimates instead.
 
     Elites stay where they are; one whose fitness comes out NaN is dropped.
@@ -40,7 +40,11 @@ def reestimate(
         should_stop: polled now and then; True ends the evaluation.
         sampling: how the scenarios are drawn.
 
+    Returns:
+        How many elites were dropped.
+
     Raises:
+        ArchiveError: an estimate is infinite, or all are NaN; the archive is as it was.
         EngineError: a worker was lost.
         EvaluationInterrupted: ``should_stop`` returned True.
     """
@@ -48,7 +52,7 @@ def reestimate(
     scenarios = sampling.draw(settings.task, stream, runs, settings.grid_size)
     genomes = archive.column("genomes")
     if not len(genomes):
-        return
+        return 0
     parts = [
         engine.evaluate(genomes[first : first + _CHUNK], scenarios, should_stop)
         for first in range(0, len(genomes), _CHUNK)
@@ -59,3 +63,4 @@ def reestimate(
         standing_still_fitness(settings, scenarios),
         seed_row(stream),
     )
+    return len(genomes) - len(archive)

@@ -238,6 +238,40 @@ def save_config(config: TrainConfig, run_dir: Path) -> None:
     write_json(run_dir / SETTINGS_FILE, values)
 
 
+CHANGED_ON_RESUME = ("generations", "engine.workers", "checkpoint_seconds")
+"""Settings that may differ when a run goes on; all others are the run's own."""
+
+
+def lasting_settings(config: TrainConfig) -> dict[str, Any]:
+    """The settings that a run keeps when it goes on, as JSON can hold them."""
+    values = asdict(config)
+    values["engine"]["name"] = resolve_engine(config.engine.name)
+    values["mirroring"] = config.sampling().mirroring
+    for name in (*CHANGED_ON_RESUME, "resume"):
+        group, _, key = name.rpartition(".")
+        del (values[group] if group else values)[key]
+    return values
+
+
+def check_same_settings(run: Mapping[str, Any], given: Mapping[str, Any], prefix: str = "") -> None:
+    """Raise ``ConfigError``, which names both values, where settings differ from the run's own.
+
+    Args:
+        run: settings by name, some of them in groups.
+        given: the same. What only one of them names is not compared.
+        prefix: name of the group that both are.
+    """
+    for name in sorted(run.keys() & given.keys()):
+        value = run[name]
+        if isinstance(value, Mapping):
+            check_same_settings(value, given[name], f"{prefix}{name}.")
+        elif given[name] != value:
+            raise ConfigError(
+                f"A resumed run keeps its own settings: its {prefix}{name} is {value!r}, "
+                f"{given[name]!r} was given. Only {', '.join(CHANGED_ON_RESUME)} may change."
+            )
+
+
 def load_config(run_dir: Path) -> TrainConfig:
     """Read a run's settings; ``ConfigError`` if the folder holds no run."""
     path = run_dir / SETTINGS_FILE

@@ -10,7 +10,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from filelock import FileLock, Timeout
 
 from ncrs.archive import SEED_LENGTH, Additions, ArchiveError, Status
 from ncrs.champion import CHAMPION_FILE, Champion
@@ -23,28 +22,30 @@ from ncrs.engines.base import (
     EvaluationInterrupted,
     make_engine,
 )
-from ncrs.layout import nca_layout
+from ncrs.layout import GenomeError, nca_layout
 from ncrs.logs import PhaseTimer, RunLog, generation_metrics, versions
 from ncrs.objective import objective
 from ncrs.optimizers.base import Fitness, Genomes, OptimizerError, make_optimizer
 from ncrs.reestimation import reestimate, seed_row
-from ncrs.settings import ConfigError, TrainConfig, save_config
+from ncrs.run_lock import RunError, locked
+from ncrs.settings import (
+    ConfigError,
+    TrainConfig,
+    check_same_settings,
+    lasting_settings,
+    save_config,
+)
 from ncrs.signals import StopRequest
 from ncrs.standstill import standing_still_fitness
 from ncrs.transfer import start_genome
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 CHECKPOINT_FOLDER = "checkpoints"
-_LOCK_FILE = ".lock"
 
 # First keys of the streams that a run's seed is split into; assessment has 3, the command line's
 # re-estimation 5.
 _OPTIMIZER_STREAM, _SCENARIO_STREAM, _CHAMPION_STREAM = range(3)
 _REESTIMATION_STREAM = 4
-
-
-class RunError(RuntimeError):
-    """A run that cannot be started or continued in the folder given."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,8 @@ class TrainingResult:
     best_fitness: float
     """Best fitness of any genome in any generation: a lucky draw, on its own scenarios."""
     champion: Champion | None
-    """The best re-evaluated genome; None if the run was stopped before the first round."""
+    """The best re-evaluated genome; None if no candidate had a body that the task can use, or the
+    run was stopped before the first round."""
     filled: int
     """Feature triples that have an elite in the archive."""
     triples: int
@@ -77,11 +79,13 @@ class Trainer:
         run_dir: the run's folder, made if missing.
 
     Raises:
-        ConfigError: a setting that the optimizer refuses at this size.
+        ConfigError: a setting that the optimizer refuses at this size; a ``start_from`` that is
+            missing or does not fit; or a run that is resumed with other settings than its own.
         RunError: another process writes there; or the folder holds a run and ``config.resume`` is
-            not set; or it holds none and ``config.resume`` is set; or a generation's fitness was
-            all NaN, or infinite.
-        CheckpointError: no checkpoint is whole.
+            not set; or it holds none and ``config.resume`` is set; or a generation's genomes or
+            fitness were not finite, so that nothing can be learned from them.
+        CheckpointError: no checkpoint is whole; or the file to start from is damaged; or the folder
+            cannot be written, or the disk is full.
     """
 
     def __init__(self, config: TrainConfig, run_dir: Path) -> None:
@@ -118,6 +122,7 @@ class Trainer:
         self._best_fitness = -np.inf
         self._champion: Champion | None = None
         self._champion_objective = -np.inf
+        self._dropped = 0
         self._timer = PhaseTimer()
 
     def _stream(self, *key: int) -> np.random.SeedSequence:
@@ -125,24 +130,13 @@ class Trainer:
 
     def run(self) -> TrainingResult:
         """Train until the last generation, or until SIGINT or SIGTERM; both save."""
-        self._run_dir.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(self._run_dir / _LOCK_FILE)
-        try:
-            lock.acquire(timeout=0)
-        except Timeout as error:
-            raise RunError(
-                f"Another process is writing to {self._run_dir}; wait for it, or use another "
-                "folder."
-            ) from error
-        try:
-            self._start()
-            with StopRequest() as stop:
-                self._loop(stop)
-        finally:
+        with locked(self._run_dir):
             try:
-                self._checkpoints.wait()
+                self._start()
+                with StopRequest() as stop:
+                    self._loop(stop)
             finally:
-                lock.release()
+                self._checkpoints.wait()
         return TrainingResult(
             run_dir=self._run_dir,
             generation=self._generation,
@@ -188,7 +182,7 @@ class Trainer:
                     if self._is_time_to_reestimate:
                         with self._timer.phase("reestimate"):
                             stream = self._stream(_REESTIMATION_STREAM, self._generation)
-                            reestimate(
+                            self._dropped += reestimate(
                                 self._archive, engine, stream, config.runs, stop, self._sampling
                             )
                     genomes, evaluation, added = self._evolve(engine, stop)
@@ -197,11 +191,11 @@ class Trainer:
                 except EngineError:
                     self._save()  # the generation can be repeated from here
                     raise
-                except (OptimizerError, ArchiveError) as error:
+                except (OptimizerError, ArchiveError, GenomeError) as error:
                     self._save()
                     raise RunError(
-                        f"Generation {self._generation} gave fitness that cannot be learned from: "
-                        f"{error} The state before it is saved in {self._run_dir}."
+                        f"Generation {self._generation} cannot be completed: {error} The state "
+                        f"before it is saved in {self._run_dir}."
                     ) from error
                 self._count(evaluation)
                 generation = self._generation
@@ -329,6 +323,7 @@ class Trainer:
             **{f"archive/{key}": value for key, value in self._archive.statistics().items()},
             "archive/new": float((added.status == Status.NEW).sum()),
             "archive/improved": float((added.status == Status.IMPROVED).sum()),
+            "archive/dropped": float(self._dropped),
             "progress/evaluations": float(self._evaluations),
             "progress/env_steps": float(self._env_steps),
             "speed/evaluations_per_s": len(evaluation.fitness) / seconds,
@@ -355,16 +350,22 @@ class Trainer:
             "champion": None if self._champion is None else self._champion.state(),
             "optimizer": self._optimizer.state(),
             "archive": self._archive.state(),
-            "task": vars(self._config.task).copy(),
+            "settings": self._own_settings(),
+            "dropped": self._dropped,
             "versions": versions(),
         }
 
+    def _own_settings(self) -> dict[str, Any]:
+        """What a run keeps when it goes on; the optimizer's are part of its own state."""
+        settings = lasting_settings(self._config)
+        del settings["optimizer"]
+        return settings
+
     def _load_state(self, state: dict[str, Any]) -> None:
-        if state["task"] != vars(self._config.task):
-            raise ConfigError(
-                f"Cannot continue: the run's task is {state['task']}, "
-                f"the settings' is {vars(self._config.task)}."
-            )
+        # Older checkpoints name the task alone.
+        check_same_settings(
+            state.get("settings", {"task": state.get("task")}), self._own_settings()
+        )
         try:
             self._optimizer.load_state(state["optimizer"])
             self._archive.load_state(state["archive"])
@@ -375,6 +376,7 @@ class Trainer:
         self._env_steps = state["env_steps"]
         self._seconds = state["seconds"]
         self._best_fitness = state["best_fitness"]
+        self._dropped = state.get("dropped", 0)
         champion = state["champion"]
         # Checkpoints written before there were bonuses have no objective: it was the fitness.
         plain = -np.inf if champion is None else champion["fitness"]

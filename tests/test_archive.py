@@ -139,8 +139,17 @@ def test_new_estimates_replace_the_old_and_nan_leaves():
     assert archive.column("standing_still").tolist() == [0.3]
     assert archive.column("seeds").tolist() == [[9, 4, 1, -1]]
     assert archive.column("generations").tolist() == [3]
-    with pytest.raises(ArchiveError, match=r"fitness must have shape \(1,\)"):
-        archive.replace_estimates(np.zeros(2), np.zeros(2), 0.0, np.zeros(4, dtype=np.int64))
+    seeds = np.zeros(4, dtype=np.int64)
+    for values, message in [
+        ((np.zeros(2), np.zeros(2), 0.0, seeds), r"fitness must have shape \(1,\)"),
+        ((np.zeros(1), np.zeros(1), 0.0, seeds[:3]), r"seeds must have shape \(1, 4\)"),
+        ((np.zeros(1), np.zeros(1), np.zeros(2), seeds), r"standing_still must have shape \(1,\)"),
+        ((np.full(1, np.nan), np.zeros(1), 0.0, seeds), "All 1 elites"),
+        ((np.full(1, np.inf), np.zeros(1), 0.0, seeds), "infinite"),
+    ]:
+        with pytest.raises(ArchiveError, match=message):
+            archive.replace_estimates(*values)
+    assert archive.column("fitness").tolist() == [0.4]
 
 
 def test_the_state_goes_through_a_file_unchanged(tmp_path):
@@ -169,4 +178,7 @@ def test_a_foreign_state_is_refused_and_changes_nothing():
     damaged["elites"]["fitness"] = np.array([np.nan])
     with pytest.raises(ArchiveError, match="not finite"):
         archive.load_state(damaged)
+    for cells in ([500], [-1], [0.0], [[0]], [0, 0]):
+        with pytest.raises(ArchiveError, match="its cells must be integers from 0 to 83"):
+            archive.load_state({**archive.state(), "cells": np.array(cells)})
     assert archive.column("fitness").tolist() == [0.5]

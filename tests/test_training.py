@@ -1,6 +1,7 @@
 """Training: logs, champions, and that a run which was killed goes on as if nothing had been."""
 
 import dataclasses
+import errno
 import os
 import signal
 import subprocess
@@ -14,9 +15,11 @@ from filelock import FileLock
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from ncrs.champion import load_champion_file
-from ncrs.checkpoint import CheckpointFolder
-from ncrs.settings import EngineConfig, OptimizerConfig, TrainConfig
-from ncrs.training import RunError, train
+from ncrs.checkpoint import CheckpointError, CheckpointFolder
+from ncrs.metrics import MetricsFile
+from ncrs.run_lock import RunError
+from ncrs.settings import ConfigError, EngineConfig, OptimizerConfig, TaskConfig, TrainConfig
+from ncrs.training import train
 
 ROOT = Path(__file__).parents[1]
 GENERATIONS = 6
@@ -174,6 +177,52 @@ def test_a_polite_stop_saves_says_so_and_goes_on_exactly(undisturbed, tmp_path, 
     result = train(config(resume=str(run_dir)), run_dir)
     assert result.generation == GENERATIONS
     assert_same(final_state(undisturbed[0]), final_state(run_dir))
+
+
+def test_a_full_disk_ends_the_run_clearly_and_it_goes_on_exactly(
+    undisturbed, tmp_path, monkeypatch
+):
+    def full(self, generation, metrics):
+        if generation == 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        add(self, generation, metrics)
+
+    add = MetricsFile.add
+    monkeypatch.setattr(MetricsFile, "add", full)
+    with pytest.raises(CheckpointError, match=r"(?i)could not write into.*no space left"):
+        train(config(), tmp_path)
+    monkeypatch.undo()
+    train(config(resume=str(tmp_path)), tmp_path)
+    assert_same(final_state(undisturbed[0]), final_state(tmp_path))
+
+
+@pytest.mark.parametrize("name", ["file/run", "locked"])
+def test_a_folder_that_cannot_be_written_is_a_clear_error(tmp_path, name):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "locked" / ".lock").mkdir(parents=True)
+    with pytest.raises(CheckpointError, match="Could not write into"):
+        train(config(), tmp_path / name)
+
+
+def test_genomes_that_are_not_finite_stop_the_run_and_save(tmp_path):
+    optimizer = OptimizerConfig(sigma=1e39, population=4, told_popsize=True)  # beyond float32
+    with pytest.raises(RunError, match=r"Generation 0 cannot be completed.*finite.*saved in"):
+        train(config(optimizer=optimizer), tmp_path)
+    assert final_state(tmp_path)["generation"] == 0
+
+
+def test_other_settings_are_refused_on_resuming_with_both_values(undisturbed):
+    run_dir = undisturbed[0]
+    before = final_state(run_dir), (run_dir / "config.json").read_bytes()
+    for changes, message in [
+        ({"seed": 9}, "its seed is 1, 9 was given"),
+        ({"task": TaskConfig("obstacle")}, "its task.name is 'light_chase', 'obstacle' was given"),
+        ({"runs": 24}, "its runs is 2, 24 was given"),
+    ]:
+        with pytest.raises(ConfigError, match=message):
+            train(config(resume=str(run_dir), **changes), run_dir)
+    assert_same(before[0], final_state(run_dir))
+    assert (run_dir / "config.json").read_bytes() == before[1]
 
 
 def test_two_runs_cannot_write_to_one_folder(undisturbed, tmp_path):

@@ -15,8 +15,9 @@ from ncrs.checkpoint import CheckpointFolder, read_state, write_state
 from ncrs.elites import load_archive
 from ncrs.engines.base import Engine
 from ncrs.layout import nca_layout
+from ncrs.run_lock import RunError
 from ncrs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig, save_config
-from ncrs.training import RunError, train
+from ncrs.training import Trainer, train
 from ncrs_envs.mirroring import ScenarioSampling
 
 ROOT = Path(__file__).parents[1]
@@ -97,7 +98,7 @@ else:  # half of a checkpoint is on the disk
         whole = io.BytesIO()
         real_savez(whole, **arrays)
         content = whole.getvalue()
-        if count_down():
+        if "generation_" in stream.name and count_down():
             stream.write(content[: len(content) // 2])
             stream.flush()
             os.kill(os.getpid(), signal.SIGKILL)
@@ -112,8 +113,8 @@ train(dataclasses.replace(load_config(Path(folder)), resume=folder), folder)
     ("name", "where", "calls"),
     [
         ("cma_me", "tell", 5),
-        ("cma_me", "checkpoint", 6),
-        ("cma_mae", "checkpoint", 7),
+        ("cma_me", "checkpoint", 3),
+        ("cma_mae", "checkpoint", 4),
         ("map_elites", "tell", 3),
         ("cma_es", "checkpoint", 3),
     ],
@@ -182,9 +183,14 @@ def test_scenarios_per_genome_are_kept_with_the_elite(tmp_path):
 
 
 def test_the_best_elite_is_a_candidate(tmp_path):
-    train(config(generations=4, champion_every=1), tmp_path)
-    champion = load_champion_file(tmp_path)
-    assert champion.source in ("sample", "elite")
+    trainer = Trainer(config(generations=4), tmp_path)
+    trainer.run()
+    archive = load_archive(tmp_path).archive
+    genomes = archive.column("genomes")[:3].astype(np.float64)
+    evaluation = evaluate(genomes, "light_chase", runs=2, engine="batched")
+    sample, elite = trainer._candidates(genomes, evaluation)
+    np.testing.assert_array_equal(sample, genomes[evaluation.fitness.argmax()])
+    np.testing.assert_array_equal(elite, archive.best_genome())
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -210,6 +216,23 @@ def test_fitness_without_meaning_stops_the_run_and_saves(tmp_path, monkeypatch, 
     assert np.isfinite(load_archive(tmp_path).archive.column("fitness")).all()
     result = train(dataclasses.replace(settings, resume=str(tmp_path)), tmp_path)
     assert result.generation == 4
+
+
+def test_estimates_without_meaning_stop_the_run_and_are_not_kept(tmp_path, monkeypatch):
+    real = Engine.evaluate
+
+    def broken(self, genomes, *arguments):
+        result = real(self, genomes, *arguments)
+        if trainer._generation == 3 and len(result.fitness) != 10:  # no population
+            return dataclasses.replace(result, fitness=np.full(len(result.fitness), np.nan))
+        return result
+
+    monkeypatch.setattr(Engine, "evaluate", broken)
+    trainer = Trainer(config("cma_me", generations=4, reestimate_every=3), tmp_path)
+    with pytest.raises(RunError, match=r"Generation 3.*All \d+ elites have fitness NaN"):
+        trainer.run()
+    assert len(load_archive(tmp_path).archive) > 0
+    assert final_state(tmp_path)["dropped"] == 0
 
 
 def test_a_run_of_another_optimizer_is_refused(undisturbed):

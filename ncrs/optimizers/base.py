@@ -167,6 +167,14 @@ class Optimizer(ABC):
     def _load_state(self, state: Mapping[str, Any]) -> None: ...
 
 
+def check_archive(archive: Archive, dimension: int) -> None:
+    """Raise ``OptimizerError`` unless the archive's genomes have that length."""
+    if archive.dimension != dimension:
+        raise OptimizerError(
+            f"The archive's genomes have {archive.dimension} weights, this optimizer's {dimension}."
+        )
+
+
 def _rank_nan_worst(fitness: Fitness) -> Fitness:
     nan = np.isnan(fitness)
     if not nan.any():

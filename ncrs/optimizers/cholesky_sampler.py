@@ -30,6 +30,7 @@ _POWER_STEPS = 2
 _FIRST_JITTER = 4.0
 """Of the rounding unit times the mean variance; each further attempt adds ten times more."""
 _MAX_ATTEMPTS = 12
+_FROM_CHAMPION = "from this one's champion if it has one (start_from)."
 
 
 def check_device(precision: str, device: str) -> None:
@@ -37,8 +38,8 @@ def check_device(precision: str, device: str) -> None:
     if precision not in PRECISIONS:
         raise OptimizerError(f"precision must be one of {sorted(PRECISIONS)}, got {precision!r}.")
     try:
-        torch.empty(1, device=device)
-    except (RuntimeError, AssertionError) as error:  # torch asserts that it was built with CUDA
+        float(torch.ones(1, device=device).sum())  # some devices hold no values
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
         reason = str(error).splitlines()[0]
         raise OptimizerError(
             f"torch cannot use device {device!r} ({reason}); choose cpu, or cuda where there is a "
@@ -231,13 +232,20 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         return whitened
 
     def _factorise(self) -> None:
-        """Renew L; where C is not positive definite, add to its diagonal until it is."""
-        mean = float(self._c.diagonal().mean())
+        """Renew L; where C is not positive definite, add to its diagonal until it is.
+
+        Raises:
+            OptimizerError: that is not possible. C is as it was; L is lost, and not used before it
+                is renewed.
+        """
+        before = self._c.diagonal().clone()
+        mean = float(before.mean())
         if not math.isfinite(mean) or mean <= 0:
             raise OptimizerError(
-                f"The covariance's mean variance is {mean}: the search has diverged. Continue from "
-                "an earlier checkpoint with a smaller sigma, or start again."
+                f"The covariance's mean variance is {mean}: the search has diverged. Start a new "
+                f"one with a smaller sigma, {_FROM_CHAMPION}"
             )
+        repairs = self.repairs
         jitter = _FIRST_JITTER * torch.finfo(self._dtype).eps * mean
         for _ in range(_MAX_ATTEMPTS):
             torch.linalg.cholesky_ex(self._c, out=(self._l, self._info))
@@ -246,9 +254,12 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
             self._c.diagonal().add_(jitter)
             self.repairs += 1
             jitter *= 10.0
+        self._c.diagonal().copy_(before)
+        self.repairs = repairs
         raise OptimizerError(
-            f"The covariance could not be made positive definite in {_MAX_ATTEMPTS} attempts; set "
-            "precision=float64, or restart_sigma so that the search starts anew earlier."
+            f"The covariance could not be made positive definite in {_MAX_ATTEMPTS} attempts. "
+            "Start a new search with precision=float64, or with restart_sigma so that it starts "
+            f"anew earlier, {_FROM_CHAMPION}"
         )
 
     def _estimate_condition(self) -> None:

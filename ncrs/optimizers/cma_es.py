@@ -10,7 +10,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.optimizers.base import Fitness, Genomes, Optimizer, OptimizerError, State
+from ncrs.archive import Archive
+from ncrs.optimizers.base import (
+    Fitness,
+    Genomes,
+    Optimizer,
+    OptimizerError,
+    State,
+    check_archive,
+)
 from ncrs.optimizers.pycma import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA, cma
 from ncrs.optimizers.pycma_state import capture, restore
 
@@ -18,7 +26,7 @@ from ncrs.optimizers.pycma_state import capture, restore
 STEP_SIZES = {"csa": CMAAdaptSigmaCSA, "tpa": CMAAdaptSigmaTPA, "decay": CMAAdaptSigmaCSA}
 SIGMA_DECAY = 0.9975
 SIGMA_LEAST = 0.0015
-RESTART_FROM = ("mean", "best")
+RESTART_FROM = ("mean", "best", "elite")
 LINEAR_ALGEBRA = ("torch", "pycma")
 PRECISION = "float32"
 DEVICE = "cpu"
@@ -44,8 +52,9 @@ class CMAES(Optimizer):
             faster learning rates.
         restart_sigma: below this step size the search starts anew, with ``sigma`` and nothing
             learned; None for never.
-        restart_from: where it starts anew: "mean", or "best", the best genome told so far (by the
-            fitness it was told with, so on new scenarios every generation it is a lucky draw).
+        restart_from: where it starts anew: "mean"; "best", the best genome told so far (by the
+            fitness it was told with, so on new scenarios every generation it is a lucky draw); or
+            "elite", the best in the archive that is attached, whose fitness can be estimated again.
         linear_algebra: of the full covariance: "torch", with Cholesky factors (the default), or
             "pycma", with eigenvectors.
         precision: "float32" (the default) or "float64"; with torch.
@@ -102,6 +111,7 @@ class CMAES(Optimizer):
         self._restarts = 0
         self._best_genome: NDArray[np.float64] | None = None
         self._best_fitness = -math.inf
+        self._attached: Archive | None = None
         self._es = self._make(np.zeros(dimension), self._make_sampler())
         self._unasked: State = {}
         parents = int(self._es.sp.weights.mu)
@@ -187,6 +197,8 @@ class CMAES(Optimizer):
         return metrics
 
     def _ask(self) -> Genomes:
+        if self._restart_from == "elite" and self._attached is None:
+            raise OptimizerError("restart_from=elite needs an archive: call attach(archive) first.")
         # Asking uses some of the state up, but of the sampler only its lazy decomposition.
         self._unasked = capture(self._es, sampler=False)
         return np.array(self._es.ask(self._population), dtype=np.float64)
@@ -206,9 +218,17 @@ class CMAES(Optimizer):
         if self._restart_sigma is not None and self.sigma < self._restart_sigma:
             self._restart()
 
+    def attach(self, archive: Archive) -> None:
+        check_archive(archive, self.dimension)
+        self._attached = archive
+
     def _restart(self) -> None:
-        best = self._best_genome
-        self.restart(self.mean if self._restart_from == "mean" or best is None else best.copy())
+        start = None
+        if self._restart_from == "best" and self._best_genome is not None:
+            start = self._best_genome.copy()
+        elif self._restart_from == "elite" and self._attached is not None:
+            start = self._attached.best_genome()
+        self.restart(self.mean if start is None else start)
 
     def start_from(self, genome: NDArray[np.float64]) -> None:
         self.restart(genome)

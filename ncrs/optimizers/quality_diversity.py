@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.archive import NO_CELL, Additions, Archive
-from ncrs.optimizers.base import Fitness, Optimizer, OptimizerError
+from ncrs.optimizers.base import Fitness, Optimizer, OptimizerError, check_archive
 
 IntArray = NDArray[np.int64]
 
@@ -23,11 +23,7 @@ class QDOptimizer(Optimizer):
         self._attached: Archive | None = None
 
     def attach(self, archive: Archive) -> None:
-        if archive.dimension != self.dimension:
-            raise OptimizerError(
-                f"The archive's genomes have {archive.dimension} weights, this optimizer's "
-                f"{self.dimension}."
-            )
+        check_archive(archive, self.dimension)
         self._attached = archive
 
     @property
@@ -42,7 +38,8 @@ class QDOptimizer(Optimizer):
 
     def tell(self, fitness: Fitness, added: Additions | None = None) -> None:
         """As every optimizer's; ``added`` is required."""
-        if added is None or len(added.status) != len(np.atleast_1d(fitness)):
+        missing = added is None or len(added.status) != len(np.atleast_1d(fitness))
+        if missing and self._asked is not None:  # tell before ask is refused below
             given = None if added is None else f"{len(added.status)} genomes"
             raise OptimizerError(
                 f"{self.name} needs what Archive.add returned for the {np.size(fitness)} genomes "

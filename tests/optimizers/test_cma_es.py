@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from benchmarks.optimizers import compare, default_population, evaluations_to_target, sphere
+from ncrs.archive import Archive, FeatureSpace
 from ncrs.checkpoint import read_state, write_state
 from ncrs.optimizers import OptimizerError, make_optimizer
 from ncrs.optimizers.cma_es import CMAES, IsotropicCMAES
@@ -213,12 +214,16 @@ def test_the_isotropic_control_learns_no_covariance():
     assert ellipsoid(optimizer.mean[None])[0] > 0.1 * start  # fitness is negative
 
 
-@pytest.mark.parametrize("source", ["mean", "best"])
+@pytest.mark.parametrize("source", ["mean", "best", "elite"])
 @pytest.mark.parametrize("kind", [FULL, DIAGONAL, "iso_cma_es"])
 def test_a_collapsed_sigma_restarts_the_search(kind, source):
     settings = {"restart_sigma": 0.09, "restart_from": source}
     optimizer = make_isotropic(**settings) if kind == "iso_cma_es" else make(kind, **settings)
     best_genome, best_fitness = None, -np.inf
+    archive = Archive(FeatureSpace(1, 2, 9), 30, grid_size=3)
+    elites = np.arange(60.0).reshape(2, 30)
+    archive.add(elites, np.array([0.7, 0.2]), np.array([[1, 2, 3], [1, 2, 4]]), np.zeros((2, 3, 3)))
+    optimizer.attach(archive)
     while optimizer.metrics()["restarts"] == 0:
         population = optimizer.ask()
         fitness = -np.abs(population).sum(axis=1)  # the mean is best: sigma shrinks
@@ -228,12 +233,20 @@ def test_a_collapsed_sigma_restarts_the_search(kind, source):
             optimizer._es.sp.weights.positive_weights @ population[np.argsort(-fitness)][:10]
         )
         optimizer.tell(fitness)
-    expected = best_genome if source == "best" else recombined
+    expected = {"best": best_genome, "mean": recombined, "elite": elites[0]}[source]
     np.testing.assert_allclose(optimizer.mean, expected, atol=1e-12)
     assert optimizer.sigma == 0.1
     assert optimizer.metrics()["condition_number"] == 1.0
     deviation = (optimizer.ask() - expected).std()
     assert deviation == pytest.approx(0.1, rel=0.15)
+
+
+def test_restarts_from_elites_need_an_archive():
+    optimizer = make(restart_sigma=0.09, restart_from="elite")
+    with pytest.raises(OptimizerError, match="needs an archive"):
+        optimizer.ask()
+    with pytest.raises(OptimizerError, match="have 31 weights, this optimizer's 30"):
+        optimizer.attach(Archive(FeatureSpace(1, 2, 9), 31, grid_size=3))
 
 
 def test_without_restart_sigma_nothing_restarts():
@@ -305,7 +318,7 @@ def test_a_foreign_state_is_refused_with_both_values():
         ({"sigma": float("nan")}, "sigma"),
         ({"population": 1}, "population"),
         ({"step_size": "fixed"}, "csa"),
-        ({"restart_from": "elite"}, "best.*mean"),
+        ({"restart_from": "worst"}, "best.*elite.*mean"),
         ({"restart_sigma": -1.0}, "restart_sigma must be positive"),
         ({"sigma": 0.1, "restart_sigma": 0.1}, "smaller than sigma"),
         ({"linear_algebra": "numpy"}, "pycma.*torch"),

@@ -124,6 +124,8 @@ def test_the_candidate_is_the_best_elite(variant):
 def test_misuse_is_refused_and_changes_nothing(variant):
     optimizer, archive = make(variant)
     twin, its_archive = make(variant)
+    with pytest.raises(OptimizerError, match="before ask"):
+        optimizer.tell(np.zeros(20))
     genomes = optimizer.ask()
     twin.ask()
     added = archive.add(
