@@ -8,6 +8,7 @@ from omegaconf import DictConfig
 from ncrs.checkpoint import CheckpointError
 from ncrs.config import check_arguments, current_job, register
 from ncrs.engines import EngineError
+from ncrs.published import ChampionError
 from ncrs.run_lock import RunError
 from ncrs.settings import ConfigError
 from ncrs.summary import exit_code, finished_lines, stopped_lines
@@ -20,7 +21,7 @@ def main(composed: DictConfig) -> float:
     try:
         config, run_dir = current_job(composed)
         result = train(config, run_dir)
-    except (ConfigError, RunError, CheckpointError, EngineError) as error:
+    except (ConfigError, RunError, CheckpointError, ChampionError, EngineError) as error:
         sys.exit(f"train.py: {error}")
     if result.stopped_by is not None:
         print("\n".join(stopped_lines(result)))

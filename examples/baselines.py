@@ -1,10 +1,9 @@
 """How far simple controllers get through ``gymnasium.make``: ``python examples/baselines.py``.
 
 Controllers on hand-made bodies, 100 episodes each on Box2D: random actions, full throttle, and a
-Braitenberg vehicle, whose left wheels speed up when the right sensor sees more light, and the other
-way round. In CarryBall it chases the ball; a fourth controller does so until the ball lies in the
-notch at its front, and then steers by the target as well. A robot that stands still earns 0.427 in
-LightChase.
+Braitenberg vehicle, which slows down the wheels on the side of the sensor that sees more light. In
+CarryBall it chases the ball; a fourth controller does so until the ball lies in the notch at its
+front, and then steers by the target as well. A robot that stands still earns 0.427 in LightChase.
 """
 
 from __future__ import annotations

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from ncrs.archive import NO_CELL, Archive, FeatureSpace
 from ncrs.checkpoint import CheckpointError, read_state, write_state
+from ncrs.engines.base import AUTO_ENGINE, Evaluation
+from ncrs.evaluation import evaluate
 from ncrs.layout import nca_layout
 from ncrs.nca import NCA
 from ncrs.settings import TaskConfig, run_file
@@ -74,6 +76,18 @@ class Elite:
         entropy, *key = self.evaluation_seed
         stream = np.random.SeedSequence(entropy, spawn_key=key)
         return self.sampling.draw(self.task.name, stream, self.runs, self.task.grid_size)
+
+    def evaluate(self, engine: str = AUTO_ENGINE) -> Evaluation:
+        """Run it in its scenarios again: on the engine it was found on, to the same fitness."""
+        return evaluate(
+            self.genome,
+            self.task.name,
+            engine=engine,
+            scenarios=self.scenarios,
+            grid_size=self.task.grid_size,
+            distance_score=self.task.distance_score,
+            success_radius=self.task.success_radius,
+        )
 
 
 @dataclass(frozen=True)

@@ -45,8 +45,9 @@ def evaluate(
             is installed, else box2d.
         scenarios: R scenarios for all genomes, or P rows of R; None draws them from ``seed``.
         runs: number of scenarios to draw, 12 in the paper; ignored if ``scenarios`` are given.
-        seed: of the scenarios that are drawn.
-        workers: processes or threads; None for one per core. Results do not depend on it.
+        seed: of the scenarios that are drawn; ignored likewise.
+        workers: processes or threads; None for one per core, or for one process where there is too
+            little to do for more. Results do not depend on it.
         grid_size: side n of the body grid.
         distance_score: "exponential" or "inverse_square".
         success_radius: units; None for the task's own.
@@ -58,6 +59,7 @@ def evaluate(
     Raises:
         GenomeError: wrong shape, or values that are not finite.
         TaskError, ScenarioError, BodyError: a setting out of range.
+        ValueError: unknown engine, ``workers`` that is no positive integer, negative seed.
         EngineError: a worker was lost.
     """
     settings = task_settings(task, grid_size, distance_score, success_radius)

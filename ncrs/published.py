@@ -29,8 +29,10 @@ class PublishedChampion(Champion):
     """Task and recipe, such as "light_chase/best"."""
     card: dict[str, Any] | None = None
     """The record: the "commands" that trained it, one after the other, the "config" of the last,
-    "evaluations" of all, and under "tests" the result on 1,000 fresh episodes on each engine, see
-    ``ncrs.assessment.Assessment``."""
+    "generations", "evaluations" and "env_steps" of all; the "generation" and "source" of the
+    genome, as in ``Champion``; under "tests" the result on 1,000 fresh episodes on each engine, see
+    ``ncrs.assessment.Assessment``; and statistics of the run's "archive", see
+    ``ncrs.archive.Archive.statistics``."""
 
 
 def file_stem(name: str) -> str:
@@ -82,10 +84,14 @@ def load_any_champion(source: str) -> Champion:
     Raises:
         ConfigError: there is none.
         CheckpointError: its file is damaged.
+        ChampionError: there is no such path, and the installation has no champions.
     """
     path = champion_path(Path(source))
     if not path.exists():
-        raise ConfigError(f"{source} does not exist. {_no_such(source)}")
+        raise ConfigError(
+            f"{source} does not exist; if it is a run that this one goes on from, train that first. "
+            f"{_no_such(source)}"
+        )
     return load_champion_file(path)
 
 

@@ -93,7 +93,8 @@ class EngineConfig:
 
 @dataclass
 class TrainConfig:
-    """All settings of a run."""
+    """All settings of a run. The defaults here are the paper's, as far as they go; those of
+    ``train.py`` are in ``conf/config.yaml``, and find robots sooner."""
 
     task: TaskConfig = field(default_factory=TaskConfig)
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
@@ -115,7 +116,8 @@ class TrainConfig:
     success_bonus: float = 0.0
     """What a run that succeeds adds to the fitness, in the eyes of the optimizer."""
     approach_bonus: float = 0.0
-    """What its closest approach adds, times ``exp(-d / P)``; see ``ncrs.objective``."""
+    """What its closest approach adds, times ``exp(-d / P)`` with the playfield's half side P; see
+    ``ncrs.objective``."""
     start_from: str | None = None
     """Where the search starts instead of at zero: a run's folder, a champion's file, or the name of
     one that comes with the package; of another task if you like, see ``ncrs.transfer``."""

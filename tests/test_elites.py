@@ -1,6 +1,7 @@
 """Elites of real robots: their file, their record, new estimates, and other formats."""
 
 import csv
+import dataclasses
 
 import numpy as np
 import pytest
@@ -85,8 +86,10 @@ def test_an_elite_is_ready_to_use(found, saved):
 def test_an_elites_fitness_can_be_had_again_from_its_seed(found):
     elites, _, _ = found
     elite = elites.elite(elites.archive.features[0].tolist())
-    again = ncrs.evaluate(elite.genome, "light_chase", engine="box2d", scenarios=elite.scenarios)
+    again = elite.evaluate(engine="box2d")
     assert again.fitness[0] == elite.fitness
+    sterner = dataclasses.replace(elite, task=TaskConfig(distance_score="inverse_square"))
+    assert sterner.evaluate(engine="box2d").fitness[0] < elite.fitness
 
 
 def test_what_is_not_there_is_said_with_what_is_nearest(found):

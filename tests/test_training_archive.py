@@ -170,7 +170,7 @@ def test_plain_cma_es_fills_an_archive_too(tmp_path):
     elites = load_archive(tmp_path)
     assert len(elites.archive) >= 3
     elite = elites.elite(elites.archive.features[0].tolist())
-    again = evaluate(elite.genome, "light_chase", engine="batched", scenarios=elite.scenarios)
+    again = elite.evaluate(engine="batched")
     assert again.fitness[0] == elite.fitness
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ncrs.archive import NO_CELL, Additions, Archive
 from ncrs.optimizers.base import Fitness, OptimizerError, State
-from ncrs.optimizers.emitters import EmitterOptimizer
+from ncrs.optimizers.emitters import EMITTERS, EmitterOptimizer
 from ncrs.optimizers.quality_diversity import without_cell_worst
 
 
@@ -45,7 +45,7 @@ class CMAMAE(EmitterOptimizer):
         dimension: int,
         seed: np.random.SeedSequence,
         *,
-        emitters: int = 15,
+        emitters: int = EMITTERS,
         patience: int = 500,
         learning_rate: float = 0.01,
         threshold_min: float = 0.0,

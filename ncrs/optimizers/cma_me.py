@@ -11,7 +11,7 @@ import numpy as np
 
 from ncrs.archive import Additions, Status
 from ncrs.optimizers.base import Fitness, OptimizerError
-from ncrs.optimizers.emitters import EmitterOptimizer
+from ncrs.optimizers.emitters import EMITTERS, EmitterOptimizer
 from ncrs.optimizers.quality_diversity import without_cell_worst
 
 RANKINGS = ("improvement", "fitness")
@@ -39,7 +39,7 @@ class CMAME(EmitterOptimizer):
         dimension: int,
         seed: np.random.SeedSequence,
         *,
-        emitters: int = 15,
+        emitters: int = EMITTERS,
         patience: int = 500,
         ranking: str = "improvement",
         sigma: float = 0.01,

@@ -14,6 +14,9 @@ from ncrs.optimizers.base import Fitness, Genomes, OptimizerError, State
 from ncrs.optimizers.cma_es import CMAES
 from ncrs.optimizers.quality_diversity import QDOptimizer
 
+EMITTERS = 15
+"""In the paper."""
+
 
 class EmitterOptimizer(QDOptimizer):
     """E emitters in turn; each generation is the population of one (paper, section 5).
