@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import sys
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -25,6 +26,11 @@ from ncrs.engines.base import Evaluation
 from ncrs.metrics import MetricsFile
 from ncrs.settings import TrainConfig
 from ncrs.viz.tensorboard import RunPictures, add_curves, add_end, add_settings
+
+
+class VersionWarning(UserWarning):
+    """A run goes on with other versions of its libraries than it was begun with."""
+
 
 _PACKAGES = ("torch", "numpy", "gymnasium", "cma")
 _BAR_SECONDS_WITHOUT_TERMINAL = 15.0
@@ -57,6 +63,22 @@ def versions() -> dict[str, str]:
         "python": platform.python_version(),
         **{name: version(name) for name in _PACKAGES},
     }
+
+
+def warn_of_other_versions(recorded: Mapping[str, str]) -> None:
+    """Warn if a run that goes on was begun with other versions of what decides its numbers."""
+    other = [
+        f"{name} {recorded[name]} (now {own})"
+        for name, own in versions().items()
+        if recorded.get(name, own) != own
+    ]
+    if other:
+        warnings.warn(
+            f"This run was begun with {', '.join(other)}: it goes on, but not necessarily as it "
+            "would have there.",
+            VersionWarning,
+            stacklevel=2,
+        )
 
 
 def generation_metrics(evaluation: Evaluation) -> dict[str, float]:

@@ -23,7 +23,13 @@ from ncrs.engines.base import (
     make_engine,
 )
 from ncrs.layout import GenomeError, nca_layout
-from ncrs.logs import PhaseTimer, RunLog, generation_metrics, versions
+from ncrs.logs import (
+    PhaseTimer,
+    RunLog,
+    generation_metrics,
+    versions,
+    warn_of_other_versions,
+)
 from ncrs.objective import objective
 from ncrs.optimizers.base import Fitness, Genomes, OptimizerError, make_optimizer
 from ncrs.reestimation import reestimate, seed_row
@@ -371,6 +377,7 @@ class Trainer:
             self._archive.load_state(state["archive"])
         except (OptimizerError, ArchiveError) as error:
             raise ConfigError(str(error)) from error
+        warn_of_other_versions(state["versions"])
         self._generation = state["generation"]
         self._evaluations = state["evaluations"]
         self._env_steps = state["env_steps"]

@@ -14,6 +14,7 @@ import pytest
 from filelock import FileLock
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from ncrs import logs
 from ncrs.champion import load_champion_file
 from ncrs.checkpoint import CheckpointError, CheckpointFolder
 from ncrs.metrics import MetricsFile
@@ -223,6 +224,14 @@ def test_other_settings_are_refused_on_resuming_with_both_values(undisturbed):
             train(config(resume=str(run_dir), **changes), run_dir)
     assert_same(before[0], final_state(run_dir))
     assert (run_dir / "config.json").read_bytes() == before[1]
+
+
+def test_going_on_with_other_versions_is_warned_of(tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(logs, "version", lambda name: "0.1")
+        train(config(generations=1), tmp_path)
+    with pytest.warns(logs.VersionWarning, match=r"begun with torch 0\.1 \(now .*cma 0\.1"):
+        train(config(resume=str(tmp_path), generations=2), tmp_path)
 
 
 def test_two_runs_cannot_write_to_one_folder(undisturbed, tmp_path):

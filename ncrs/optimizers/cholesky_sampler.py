@@ -272,4 +272,5 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
             smallest = small.norm()
             small /= smallest
         self._extremes = torch.cat([large, small], dim=1)
-        self._condition = max(1.0, float(largest * smallest))
+        condition = float(largest * smallest)
+        self._condition = condition if math.isnan(condition) else max(1.0, condition)

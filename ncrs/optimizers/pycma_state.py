@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ncrs.optimizers.base import OptimizerError
 from ncrs.optimizers.pycma import ElapsedWCTime
 
 # Not state: options and what follows from them, logs, clocks, what the last call was given, and
@@ -28,7 +29,7 @@ _SAMPLER = "sm"
 _SAMPLER_MATRICES = frozenset({"B", "C", "D"})
 
 
-class PycmaStateError(ValueError):
+class PycmaStateError(OptimizerError):
     """A state that does not fit pycma's objects, as of another pycma version."""
 
 
