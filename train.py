@@ -17,7 +17,7 @@ from ncrs.training import train
 
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
 def main(composed: DictConfig) -> float:
-    """Run one job and return the champion's fitness, which a sweeper maximises."""
+    """Run one job and return the champion's fitness, for Hydra's sweepers."""
     try:
         config, run_dir = current_job(composed)
         result = train(config, run_dir)

@@ -130,9 +130,13 @@ def _median(values: list[float]) -> float:
 
 def _curve(events: EventAccumulator, tag: str, generations: int) -> list[float]:
     """Values of all but the first generation, which compiles, and the last, which ends the run."""
+    too_short = f"Nothing in {tag}: the run was too short, use more --generations."
     if tag not in events.Tags()["scalars"]:
-        raise RuntimeError(f"Nothing in {tag}: the run was too short, use more --generations.")
-    return [e.value for e in events.Scalars(tag) if 1 <= e.step <= generations]
+        raise RuntimeError(too_short)
+    values = [e.value for e in events.Scalars(tag) if 1 <= e.step <= generations]
+    if not values:
+        raise RuntimeError(too_short)
+    return values
 
 
 def _in_own_process(optimizer: str, genomes: Path, generations: int) -> dict[str, float]:

@@ -1,6 +1,6 @@
 """Is it still CMA-ES? Evaluations to target with our sampler and with plain pycma.
 
-    python -m benchmarks.optimizers [--json] [--functions NAME ...] [--dimensions N ...]
+    python -m benchmarks.optimizers [--json] [--functions NAME ...] [--dimensions N ...] [--seeds S]
 
 On four functions, from mean 0 with the optimum at 1, sigma 0.3 and pycma's default population, this
 counts the evaluations until one has a value of at most 1e-9: medians over seeds, where a run that

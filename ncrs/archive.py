@@ -213,8 +213,7 @@ class Archive:
             fitness, success, standing_still, seeds: as for ``add``, for the E elites.
 
         Raises:
-            ArchiveError: another number of values, infinite fitness, or nothing but NaN; nothing
-                was changed.
+            ArchiveError: another number of values, or infinite fitness; nothing was changed.
         """
         cells = self.cells
         count = len(cells)
@@ -225,8 +224,6 @@ class Archive:
         if np.ndim(standing_still):
             self._check("standing_still", standing_still, (count,))
         _check_not_infinite(fitness)
-        if count and np.isnan(fitness).all():
-            raise ArchiveError(f"All {count} elites have fitness NaN when they are estimated anew.")
         self._columns["fitness"][cells] = fitness
         self._columns["success"][cells] = success
         self._columns["standing_still"][cells] = standing_still

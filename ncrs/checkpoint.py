@@ -33,6 +33,10 @@ class CheckpointError(RuntimeError):
     """A checkpoint that cannot be written or read."""
 
 
+class DamagedCheckpointError(CheckpointError):
+    """A file that was read, and does not hold what was written."""
+
+
 class CheckpointWarning(UserWarning):
     """A damaged checkpoint was passed over for an older one."""
 
@@ -107,10 +111,14 @@ def read_state(path: Path) -> dict[str, Any]:
     """Read what ``write_state`` wrote.
 
     Raises:
-        CheckpointError: the file is missing, truncated, altered, or something else.
+        CheckpointError: the file cannot be read.
+        DamagedCheckpointError: it is truncated, altered, or something else.
     """
     try:
         content = io.BytesIO(path.read_bytes())
+    except OSError as error:
+        raise CheckpointError(f"Could not read {path}: {error.strerror or error}.") from error
+    try:
         # An array is read as far as its header says, which need not be as far as its checksum.
         with zipfile.ZipFile(content) as members:
             altered = members.testzip()
@@ -120,8 +128,10 @@ def read_state(path: Path) -> dict[str, Any]:
         with np.load(content, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         state: dict[str, Any] = _put_arrays(json.loads(arrays[_JSON_MEMBER].tobytes()), arrays)
+    except MemoryError:
+        raise
     except Exception as error:  # from altered bytes zipfile and numpy raise nearly anything
-        raise CheckpointError(f"{path} is not a whole checkpoint: {error}.") from error
+        raise DamagedCheckpointError(f"{path} is not a whole checkpoint: {error}.") from error
     return state
 
 
@@ -223,20 +233,25 @@ class CheckpointFolder:
         Those get another name, so that they do not count among the newest two.
 
         Raises:
-            CheckpointError: there is none, or a damaged one cannot be renamed.
+            CheckpointError: there is none; or one cannot be read, or a damaged one not renamed.
         """
         self.wait()
         damaged: dict[Path, str] = {}
         for path in self.paths():
             try:
                 state = read_state(path)
-            except CheckpointError as error:
+            except DamagedCheckpointError as error:
                 damaged[path] = str(error)
                 continue
             for passed, message in damaged.items():
+                renamed = passed.with_name(passed.name + _DAMAGED)
                 with writing_into(self.folder):
-                    passed.rename(passed.with_name(passed.name + _DAMAGED))
-                warnings.warn(f"{message} Going on from {path.name}.", CheckpointWarning, 2)
+                    passed.replace(renamed)
+                warnings.warn(
+                    f"{message} It is now {renamed.name}; going on from {path.name}.",
+                    CheckpointWarning,
+                    2,
+                )
             return state
         if damaged:
             reasons = " ".join(damaged.values())

@@ -13,7 +13,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 
-from ncrs.engines.base import resolve_engine
+from ncrs.engines.base import AUTO_ENGINE, resolve_engine
 from ncrs.settings import (
     CHANGED_ON_RESUME,
     ConfigError,
@@ -25,6 +25,7 @@ from ncrs.settings import (
     load_config,
     setting_names,
 )
+from ncrs_envs.mirroring import AUTO_MIRRORING
 
 GROUPS = ("task", "optimizer", "engine", "experiment")
 SCHEMA = "train_schema"
@@ -76,7 +77,12 @@ def check_arguments(arguments: Sequence[str]) -> None:
             raise ConfigError("A resumed run keeps its own settings: leave out experiment.")
         group, _, key = (f"{name}.name" if name in GROUPS else name).rpartition(".")
         (fixed.setdefault(group, {}) if group else fixed)[key] = given[name]
-    check_same_settings(lasting_settings(load_config(Path(str(resume)))), fixed)
+    own = load_config(Path(str(resume)))
+    if fixed.get("mirroring") == AUTO_MIRRORING:
+        fixed["mirroring"] = replace(own, mirroring=AUTO_MIRRORING).sampling().mirroring
+    if fixed.get("engine", {}).get("name") == AUTO_ENGINE:
+        fixed["engine"]["name"] = resolve_engine(AUTO_ENGINE)
+    check_same_settings(lasting_settings(own), fixed)
 
 
 def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
@@ -88,8 +94,8 @@ def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
     """
     values = OmegaConf.to_container(composed, resolve=True)
     assert isinstance(values, dict)
-    config = config_from_dict({str(key): value for key, value in values.items()})
-    if config.resume is None:
+    if values["resume"] is None:
+        config = config_from_dict({str(key): value for key, value in values.items()})
         # A run's record names what it really used.
         return replace(
             config,
@@ -97,14 +103,12 @@ def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
             mirroring=config.sampling().mirroring,
         )
     given = _parse(overrides)
-    own = load_config(Path(config.resume))
-    own = replace(own, resume=config.resume)
-    if "generations" in given:
-        own = replace(own, generations=config.generations)
-    if "checkpoint_seconds" in given:
-        own = replace(own, checkpoint_seconds=config.checkpoint_seconds)
+    own = replace(load_config(Path(values["resume"])), resume=values["resume"])
+    for name in ("generations", "checkpoint_seconds"):
+        if name in given:
+            own = replace(own, **{name: values[name]})
     if "engine.workers" in given:
-        own = replace(own, engine=replace(own.engine, workers=config.engine.workers))
+        own = replace(own, engine=replace(own.engine, workers=values["engine"]["workers"]))
     return own.check()
 
 

@@ -29,7 +29,7 @@ from ncrs.viz.tensorboard import RunPictures, add_curves, add_end, add_settings
 
 
 class VersionWarning(UserWarning):
-    """A run goes on with other versions of its libraries than it was begun with."""
+    """A run goes on with other versions of its libraries than it was saved with."""
 
 
 _PACKAGES = ("torch", "numpy", "gymnasium", "cma")
@@ -66,7 +66,7 @@ def versions() -> dict[str, str]:
 
 
 def warn_of_other_versions(recorded: Mapping[str, str]) -> None:
-    """Warn if a run that goes on was begun with other versions of what decides its numbers."""
+    """Warn if a run that goes on was saved with other versions of what decides its numbers."""
     other = [
         f"{name} {recorded[name]} (now {own})"
         for name, own in versions().items()
@@ -74,8 +74,8 @@ def warn_of_other_versions(recorded: Mapping[str, str]) -> None:
     ]
     if other:
         warnings.warn(
-            f"This run was begun with {', '.join(other)}: it goes on, but not necessarily as it "
-            "would have there.",
+            f"This run was last saved with {', '.join(other)}: it goes on, but not necessarily as "
+            "it would have there.",
             VersionWarning,
             stacklevel=2,
         )

@@ -88,10 +88,7 @@ def load_any_champion(source: str) -> Champion:
     """
     path = champion_path(Path(source))
     if not path.exists():
-        raise ConfigError(
-            f"{source} does not exist; if it is a run that this one goes on from, train it first. "
-            f"{_no_such(source)}"
-        )
+        raise ConfigError(f"{source} does not exist. {_no_such(source)}")
     return load_champion_file(path)
 
 

@@ -44,7 +44,7 @@ def reestimate(
         How many elites were dropped.
 
     Raises:
-        ArchiveError: an estimate is infinite, or all are NaN; the archive is as it was.
+        ArchiveError: an estimate is infinite; the archive is as it was.
         EngineError: a worker was lost.
         EvaluationInterrupted: ``should_stop`` returned True.
     """

@@ -87,11 +87,12 @@ class Trainer:
     Raises:
         ConfigError: a setting that the optimizer refuses at this size; a ``start_from`` that is
             missing or does not fit; or a run that is resumed with other settings than its own.
+        ChampionError: there are no champions to start from: the installation is not whole.
         RunError: another process writes there; or the folder holds a run and ``config.resume`` is
-            not set; or it holds none and ``config.resume`` is set; or a generation's genomes or
-            fitness were not finite, so that nothing can be learned from them.
-        CheckpointError: no checkpoint is whole; or the file to start from is damaged; or the folder
-            cannot be written, or the disk is full.
+            not set; or a generation's genomes or fitness were not finite, so that nothing can be
+            learned from them.
+        CheckpointError: there is no whole checkpoint to go on from; or the file to start from is
+            damaged; or the folder cannot be written, or the disk is full.
     """
 
     def __init__(self, config: TrainConfig, run_dir: Path) -> None:
@@ -362,12 +363,14 @@ class Trainer:
         }
 
     def _own_settings(self) -> dict[str, Any]:
-        """What a run keeps when it goes on; the optimizer's are part of its own state."""
+        """What a run keeps when it goes on; the optimizer's are part of its own state, and where it
+        started is past."""
         settings = lasting_settings(self._config)
-        del settings["optimizer"]
+        del settings["optimizer"], settings["start_from"]
         return settings
 
     def _load_state(self, state: dict[str, Any]) -> None:
+        warn_of_other_versions(state["versions"])
         # Older checkpoints name the task alone.
         check_same_settings(
             state.get("settings", {"task": state.get("task")}), self._own_settings()
@@ -377,7 +380,6 @@ class Trainer:
             self._archive.load_state(state["archive"])
         except (OptimizerError, ArchiveError) as error:
             raise ConfigError(str(error)) from error
-        warn_of_other_versions(state["versions"])
         self._generation = state["generation"]
         self._evaluations = state["evaluations"]
         self._env_steps = state["env_steps"]

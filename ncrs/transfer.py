@@ -26,7 +26,12 @@ def start_genome(source: str, target: NCALayout, symmetric: bool) -> NDArray[np.
         ConfigError: there is no such champion; or it is not symmetric, and should be.
         CheckpointError: its file is damaged.
     """
-    champion = load_any_champion(source)
+    try:
+        champion = load_any_champion(source)
+    except ConfigError as error:
+        raise ConfigError(
+            f"Cannot start from {source}; if it is an earlier stage, train that first. {error}"
+        ) from error
     start = transferred(champion.genome, nca_layout(champion.task.name), target)
     if symmetric and not np.allclose(target.symmetric(start[None])[0], start, atol=_TOLERANCE):
         raise ConfigError(

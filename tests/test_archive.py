@@ -144,7 +144,6 @@ def test_new_estimates_replace_the_old_and_nan_leaves():
         ((np.zeros(2), np.zeros(2), 0.0, seeds), r"fitness must have shape \(1,\)"),
         ((np.zeros(1), np.zeros(1), 0.0, seeds[:3]), r"seeds must have shape \(1, 4\)"),
         ((np.zeros(1), np.zeros(1), np.zeros(2), seeds), r"standing_still must have shape \(1,\)"),
-        ((np.full(1, np.nan), np.zeros(1), 0.0, seeds), "All 1 elites"),
         ((np.full(1, np.inf), np.zeros(1), 0.0, seeds), "infinite"),
     ]:
         with pytest.raises(ArchiveError, match=message):

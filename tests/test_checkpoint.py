@@ -113,7 +113,10 @@ def test_a_damaged_checkpoint_is_passed_over_with_a_warning(tmp_path):
         folder.save(generation, state(generation))
     newest = folder.paths()[0]
     newest.write_bytes(newest.read_bytes()[:-100])
-    with pytest.warns(CheckpointWarning, match=r"generation_00000002.*from generation_00000001"):
+    with pytest.warns(
+        CheckpointWarning,
+        match=r"It is now generation_00000002.npz.damaged; going on from generation_00000001",
+    ):
         assert folder.load()["generation"] == 1
     folder.save(3, state(3))  # beside the whole one, not the damaged one
     assert [path.name for path in folder.paths()] == [
@@ -124,6 +127,18 @@ def test_a_damaged_checkpoint_is_passed_over_with_a_warning(tmp_path):
         path.write_bytes(b"")
     with pytest.raises(CheckpointError, match="No whole checkpoint"):
         folder.load()
+
+
+def test_a_checkpoint_that_cannot_be_read_is_not_taken_for_a_damaged_one(tmp_path):
+    folder = CheckpointFolder(tmp_path)
+    folder.save(1, state(1))
+    (tmp_path / "generation_00000002.npz").mkdir()  # as a file without permission, or a lost disk
+    with pytest.raises(CheckpointError, match=r"Could not read .*generation_00000002"):
+        folder.load()
+    assert [path.name for path in folder.paths()] == [
+        "generation_00000002.npz",
+        "generation_00000001.npz",
+    ]
 
 
 def test_no_checkpoint(tmp_path):

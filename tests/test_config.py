@@ -129,11 +129,13 @@ def test_a_resumed_run_keeps_its_settings(composed, tmp_path):
     longer = composed(f"resume={tmp_path}", "generations=80", "engine.workers=1")
     assert (longer.generations, longer.engine.workers, longer.seed) == (80, 1, 9)
     check_arguments([f"resume={tmp_path}", "seed=9", "task=light_chase", "optimizer.sigma=null"])
+    check_arguments([f"resume={tmp_path}", "engine=auto"])
     for argument, message in [
         ("seed=1", r"its seed is 9, 1 was given.*generations"),
         ("task=obstacle", r"its task.name is 'light_chase', 'obstacle' was given"),
         ("optimizer=cma_es", r"its optimizer.name is 'sep_cma_es', 'cma_es' was given"),
         ("optimizer.sigma=0.5", r"its optimizer.sigma is None, 0.5 was given"),
+        ("mirroring=all", r"its mirroring is 'none', 'all' was given"),
         ("experiment=best/obstacle", "leave out experiment"),
     ]:
         with pytest.raises(ConfigError, match=message):

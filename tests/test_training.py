@@ -230,7 +230,7 @@ def test_going_on_with_other_versions_is_warned_of(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(logs, "version", lambda name: "0.1")
         train(config(generations=1), tmp_path)
-    with pytest.warns(logs.VersionWarning, match=r"begun with torch 0\.1 \(now .*cma 0\.1"):
+    with pytest.warns(logs.VersionWarning, match=r"saved with torch 0\.1 \(now .*cma 0\.1"):
         train(config(resume=str(tmp_path), generations=2), tmp_path)
 
 

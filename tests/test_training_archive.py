@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from ncrs import evaluate
+from ncrs import evaluate, training
 from ncrs.champion import load_champion_file
 from ncrs.checkpoint import CheckpointFolder, read_state, write_state
 from ncrs.elites import load_archive
@@ -113,10 +113,10 @@ train(dataclasses.replace(load_config(Path(folder)), resume=folder), folder)
     ("name", "where", "calls"),
     [
         ("cma_me", "tell", 5),
-        ("cma_me", "checkpoint", 3),
-        ("cma_mae", "checkpoint", 4),
+        ("cma_me", "checkpoint", 2),
+        ("cma_mae", "checkpoint", 1),
         ("map_elites", "tell", 3),
-        ("cma_es", "checkpoint", 3),
+        ("cma_es", "checkpoint", 1),
     ],
 )
 def test_a_run_killed_where_it_hurts_ends_bit_equal(undisturbed, tmp_path, name, where, calls):
@@ -218,21 +218,25 @@ def test_fitness_without_meaning_stops_the_run_and_saves(tmp_path, monkeypatch, 
     assert result.generation == 4
 
 
-def test_estimates_without_meaning_stop_the_run_and_are_not_kept(tmp_path, monkeypatch):
-    real = Engine.evaluate
+def test_elites_whose_estimate_is_nan_are_dropped_and_counted(tmp_path, monkeypatch):
+    real = training.reestimate
 
-    def broken(self, genomes, *arguments):
-        result = real(self, genomes, *arguments)
-        if trainer._generation == 3 and len(result.fitness) != 10:  # no population
+    def broken(archive, engine, *arguments):
+        def evaluate_as_nan(genomes, *others):
+            result = type(engine).evaluate(engine, genomes, *others)
             return dataclasses.replace(result, fitness=np.full(len(result.fitness), np.nan))
-        return result
 
-    monkeypatch.setattr(Engine, "evaluate", broken)
-    trainer = Trainer(config("cma_me", generations=4, reestimate_every=3), tmp_path)
-    with pytest.raises(RunError, match=r"Generation 3.*All \d+ elites have fitness NaN"):
-        trainer.run()
-    assert len(load_archive(tmp_path).archive) > 0
-    assert final_state(tmp_path)["dropped"] == 0
+        with monkeypatch.context() as patch:
+            patch.setattr(engine, "evaluate", evaluate_as_nan)
+            return real(archive, engine, *arguments)
+
+    train(config(generations=5), tmp_path / "before")
+    before = len(load_archive(tmp_path / "before").archive)
+    monkeypatch.setattr(training, "reestimate", broken)
+    train(config(generations=7), tmp_path / "after")
+    assert before > 0
+    assert final_state(tmp_path / "after")["dropped"] == before
+    assert len(load_archive(tmp_path / "after").archive) > 0  # and it fills up again
 
 
 def test_a_run_of_another_optimizer_is_refused(undisturbed):

@@ -258,8 +258,8 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         self.repairs = repairs
         raise OptimizerError(
             f"The covariance could not be made positive definite in {_MAX_ATTEMPTS} attempts. "
-            "Start a new search with precision=float64, or with restart_sigma so that it starts "
-            f"anew earlier, {_FROM_CHAMPION}"
+            f"Start a new search with precision=float64, {_FROM_CHAMPION} With restart_sigma it "
+            "would have started anew before it came to this."
         )
 
     def _estimate_condition(self) -> None:

@@ -54,7 +54,8 @@ class CMAES(Optimizer):
             learned; None for never.
         restart_from: where it starts anew: "mean"; "best", the best genome told so far (by the
             fitness it was told with, so on new scenarios every generation it is a lucky draw); or
-            "elite", the best in the archive that is attached, whose fitness can be estimated again.
+            "elite", the best in the archive that is attached, whose fitness can be estimated again
+            (the mean while there is none).
         linear_algebra: of the full covariance: "torch", with Cholesky factors (the default), or
             "pycma", with eigenvectors.
         precision: "float32" (the default) or "float64"; with torch.
