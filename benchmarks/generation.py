@@ -60,9 +60,19 @@ _PHASES: Mapping[str, str] = {
     "log": "log_s",
     "checkpoint": "checkpoint_s",
 }
+
+
+def _mean(values: list[float]) -> float:
+    return float(np.mean(values))
+
+
+def _median(values: list[float]) -> float:
+    return float(np.median(values))
+
+
 _STATISTICS: Mapping[str, Callable[[list[float]], float]] = {
-    "ask": lambda values: float(np.mean(values)),
-    "tell": lambda values: float(np.mean(values)),
+    "ask": _mean,
+    "tell": _mean,
     "checkpoint": max,
 }
 COLUMNS = ("ask_s", "rollout_s", "tell_s", "log_s", "checkpoint_s", "total_s", "peak_memory_gb")
@@ -122,10 +132,6 @@ def measure(optimizer: str, genomes: NDArray[np.float32], generations: int) -> d
     unit = 2**30 if sys.platform == "darwin" else 2**20
     result["peak_memory_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
     return result
-
-
-def _median(values: list[float]) -> float:
-    return float(np.median(values))
 
 
 def _curve(events: EventAccumulator, tag: str, generations: int) -> list[float]:
