@@ -96,12 +96,7 @@ def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
     assert isinstance(values, dict)
     if values["resume"] is None:
         config = config_from_dict({str(key): value for key, value in values.items()})
-        # A run's record names what it really used.
-        return replace(
-            config,
-            engine=replace(config.engine, name=resolve_engine(config.engine.name)),
-            mirroring=config.sampling().mirroring,
-        )
+        return config.resolved()  # a run's record names what it really used
     given = _parse(overrides)
     own = replace(load_config(Path(values["resume"])), resume=values["resume"])
     for name in ("generations", "checkpoint_seconds"):

@@ -9,7 +9,7 @@ import difflib
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -142,6 +142,14 @@ class TrainConfig:
         mirroring = resolve_mirroring(self.mirroring, task, self.symmetric)
         return ScenarioSampling(mirroring, self.placement_noise).check()
 
+    def resolved(self) -> TrainConfig:
+        """These settings with what "auto" stands for in its place."""
+        return replace(
+            self,
+            engine=replace(self.engine, name=resolve_engine(self.engine.name)),
+            mirroring=self.sampling().mirroring,
+        )
+
     def check(self) -> TrainConfig:
         """Return this if all values are in range, else raise ``ConfigError``."""
         try:
@@ -246,9 +254,7 @@ CHANGED_ON_RESUME = ("generations", "engine.workers", "checkpoint_seconds")
 
 def lasting_settings(config: TrainConfig) -> dict[str, Any]:
     """The settings that a run keeps when it goes on, as JSON can hold them."""
-    values = asdict(config)
-    values["engine"]["name"] = resolve_engine(config.engine.name)
-    values["mirroring"] = config.sampling().mirroring
+    values = asdict(config.resolved())
     for name in (*CHANGED_ON_RESUME, "resume"):
         group, _, key = name.rpartition(".")
         del (values[group] if group else values)[key]

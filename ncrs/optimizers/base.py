@@ -45,6 +45,7 @@ class Optimizer(ABC):
         # there asking again gives the same population.
         self._before_ask: dict[str, Any] | None = None
         self._asked: Genomes | None = None
+        self._attached: Archive | None = None
 
     def ask(self) -> Genomes:
         """The next population, float64 ``(P, N)``; asking again before telling is an error."""
@@ -57,12 +58,18 @@ class Optimizer(ABC):
         self._asked = self._ask()
         return self._asked
 
-    def attach(self, archive: Archive) -> None:  # noqa: B027 - most have no use for it
+    def attach(self, archive: Archive) -> None:
         """Give the optimizer the run's archive, which the caller adds to before each ``tell``.
 
         Raises:
             OptimizerError: its genomes have another length.
         """
+        if archive.dimension != self.dimension:
+            raise OptimizerError(
+                f"The archive's genomes have {archive.dimension} weights, this optimizer's "
+                f"{self.dimension}."
+            )
+        self._attached = archive
 
     @property
     def maximises_fitness(self) -> bool:
@@ -165,14 +172,6 @@ class Optimizer(ABC):
 
     @abstractmethod
     def _load_state(self, state: Mapping[str, Any]) -> None: ...
-
-
-def check_archive(archive: Archive, dimension: int) -> None:
-    """Raise ``OptimizerError`` unless the archive's genomes have that length."""
-    if archive.dimension != dimension:
-        raise OptimizerError(
-            f"The archive's genomes have {archive.dimension} weights, this optimizer's {dimension}."
-        )
 
 
 def _rank_nan_worst(fitness: Fitness) -> Fitness:

@@ -10,14 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.archive import Archive
 from ncrs.optimizers.base import (
     Fitness,
     Genomes,
     Optimizer,
     OptimizerError,
     State,
-    check_archive,
 )
 from ncrs.optimizers.pycma import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA, cma
 from ncrs.optimizers.pycma_state import capture, restore
@@ -112,7 +110,6 @@ class CMAES(Optimizer):
         self._restarts = 0
         self._best_genome: NDArray[np.float64] | None = None
         self._best_fitness = -math.inf
-        self._attached: Archive | None = None
         self._es = self._make(np.zeros(dimension), self._make_sampler())
         self._unasked: State = {}
         parents = int(self._es.sp.weights.mu)
@@ -218,10 +215,6 @@ class CMAES(Optimizer):
             self._best_genome, self._best_fitness = asked[best].copy(), float(fitness[best])
         if self._restart_sigma is not None and self.sigma < self._restart_sigma:
             self._restart()
-
-    def attach(self, archive: Archive) -> None:
-        check_archive(archive, self.dimension)
-        self._attached = archive
 
     def _restart(self) -> None:
         start = None

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.archive import NO_CELL, Additions, Archive
-from ncrs.optimizers.base import Fitness, Optimizer, OptimizerError, check_archive
+from ncrs.optimizers.base import Fitness, Optimizer, OptimizerError
 
 IntArray = NDArray[np.int64]
 
@@ -17,14 +17,6 @@ class QDOptimizer(Optimizer):
     """An optimizer that learns from what its genomes add to the archive it is attached to."""
 
     candidate_source: ClassVar[str] = "elite"
-
-    def __init__(self, dimension: int, seed: np.random.SeedSequence) -> None:
-        super().__init__(dimension, seed)
-        self._attached: Archive | None = None
-
-    def attach(self, archive: Archive) -> None:
-        check_archive(archive, self.dimension)
-        self._attached = archive
 
     @property
     def _archive(self) -> Archive:
