@@ -14,6 +14,7 @@ from pathlib import Path
 from time import perf_counter
 from types import TracebackType
 
+import Box2D
 import numpy as np
 from numpy.typing import NDArray
 from torch.utils.tensorboard import SummaryWriter
@@ -32,7 +33,7 @@ class VersionWarning(UserWarning):
     """A run goes on with other versions of its libraries than it was saved with."""
 
 
-_PACKAGES = ("torch", "numpy", "gymnasium", "cma")
+_PACKAGES = ("torch", "numpy", "numba", "gymnasium", "cma")
 _BAR_SECONDS_WITHOUT_TERMINAL = 15.0
 
 
@@ -62,6 +63,8 @@ def versions() -> dict[str, str]:
     return {
         "python": platform.python_version(),
         **{name: version(name) for name in _PACKAGES},
+        # Its distribution is called box2d or box2d-py, whichever Gymnasium asks for.
+        "Box2D": Box2D.__version__,
     }
 
 
