@@ -37,3 +37,11 @@ def test_steering_by_the_target_carries_more_balls_than_chasing_them(baselines):
         _, count = baselines["run"]("carry_ball", baselines[name](body, gain), 24)
         successes.append(count)
     assert successes[0] < successes[1]
+
+
+def test_an_arrow_at_full_throttle_gets_further_in_obstacle_than_steering(baselines):
+    body = ncrs_envs.parse_body(baselines["BODIES"]["obstacle"])
+    vehicle = baselines["braitenberg"](body, baselines["GAIN"]["obstacle"])
+    _, steering = baselines["run"]("obstacle", vehicle, 64)
+    _, sliding = baselines["run"]("obstacle", baselines["full_throttle"], 64, baselines["ARROW"])
+    assert steering < sliding
