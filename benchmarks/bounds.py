@@ -19,7 +19,8 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs_envs.body import CELL_SIZE, DEFAULT_GRID_SIZE
+from benchmarks.parity import passage
+from ncrs_envs.body import CELL_SIZE, DEFAULT_GRID_SIZE, cell_centers
 from ncrs_envs.physics import BALL_RADIUS, DT, WHEEL_FORWARD_FRICTION, WHEEL_THRUST
 from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TASKS, get_task
@@ -81,15 +82,13 @@ def steered(turn: NDArray[np.float64]) -> NDArray[np.float32]:
     Returns:
         Actions, float32 ``(N, n, n)``.
     """
-    side = np.sign(np.arange(DEFAULT_GRID_SIZE) - (DEFAULT_GRID_SIZE - 1) / 2)
-    gas = np.clip(1.0 + side * turn[:, None], -1.0, 1.0).astype(np.float32)
-    return np.repeat(gas[:, None, :], DEFAULT_GRID_SIZE, axis=1)
+    side = np.sign(cell_centers(DEFAULT_GRID_SIZE)[..., 0])
+    return np.clip(1.0 + side * turn[:, None, None], -1.0, 1.0).astype(np.float32)
 
 
 def driven(driver: Driver, scenarios: list[Scenario]) -> tuple[float, float]:
     """Shares of Obstacle's scenarios in which ``SLIDER`` gets to the light, and crosses."""
-    ends = [[line[-1] for line in scenario.walls or ()] for scenario in scenarios]
-    exits = np.array([np.mean(two, axis=0) for two in ends])
+    exits = np.array([passage(scenario) for scenario in scenarios])
     lights = np.array([scenario.light for scenario in scenarios])
     envs = gymnasium.make_vec(TASKS["obstacle"].env_id, num_envs=len(scenarios))
     _, infos = envs.reset(options={"body": SLIDER, "scenario": scenarios})
@@ -99,10 +98,9 @@ def driven(driver: Driver, scenarios: list[Scenario]) -> tuple[float, float]:
         through |= y > exits[:, 1] - BEFORE_EXIT
         told = np.where(through, driver.knows_light, driver.knows_passage)
         goals = np.where(through[:, None], lights, exits + (0.0, BEFORE_EXIT))
-        bearing = np.where(told, np.arctan2(x - goals[:, 0], goals[:, 1] - y), 0.0)
+        bearing = np.arctan2(x - goals[:, 0], goals[:, 1] - y)
         error = np.remainder(bearing - angle + math.pi, 2.0 * math.pi) - math.pi
-        turn = np.where(told, GAIN * error, 0.0)
-        *_, infos = envs.step(steered(turn))
+        *_, infos = envs.step(steered(np.where(told, GAIN * error, 0.0)))
     envs.close()
     return float(infos["success"].mean()), float(infos["crossed"].mean())
 
@@ -112,14 +110,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--scenarios", type=int, default=4000, help="default: %(default)s")
     count = parser.parse_args().scenarios
-    for name in ("light_chase", "obstacle", "carry_ball"):
-        task = get_task(name)
-        ways = [way(one, task.success_radius) for one in sample_scenarios(task, 0, count)]
+    scenarios = {
+        name: sample_scenarios(name, 0, count) for name in ("light_chase", "obstacle", "carry_ball")
+    }
+    for name, drawn in scenarios.items():
+        ways = [way(one, get_task(name).success_radius) for one in drawn]
         possible = sum(length <= REACH for length in ways) / count
         print(f"{name:<12} {possible:.0%} of the scenarios are short enough")
-    courses = sample_scenarios("obstacle", 0, count)
     for driver in DRIVERS:
-        success, crossed = driven(driver, courses)
+        success, crossed = driven(driver, scenarios["obstacle"])
         print(f"obstacle, {driver.name}: {success:.0%} succeed, {crossed:.0%} cross")
 
 

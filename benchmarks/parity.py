@@ -180,7 +180,7 @@ def _in_the_funnel(
 ) -> Scenario:
     """The same scenario with the robot at a free place near the passage and the light behind it."""
     for _ in range(_MAX_PLACES):
-        x, y = _passage(scenario)
+        x, y = passage(scenario)
         start = (x + rng.uniform(-15.0, 15.0), rng.uniform(-35.0, -5.0))
         light = _from((x, y), rng.uniform(-1.0, 1.0), rng.uniform(10.0, 40.0))
         moved = replace(scenario, start=start, light=light)
@@ -192,7 +192,7 @@ def _in_the_funnel(
     raise ScenarioError(f"No free place near the passage in {_MAX_PLACES} draws.")
 
 
-def _passage(scenario: Scenario) -> Point:
+def passage(scenario: Scenario) -> Point:
     """Middle of the gap between the walls' upper ends."""
     assert scenario.walls is not None
     (left, y), (right, _) = (line[-1] for line in scenario.walls)
@@ -213,8 +213,8 @@ def _drive(task: Task, body: BodyGrid, scenario: Scenario, rng: np.random.Genera
         x, y, angle = episode.pose
         goal = episode.ball or scenario.light
         assert goal is not None
-        if scenario.walls is not None and y < _passage(scenario)[1]:
-            goal = _passage(scenario)
+        if scenario.walls is not None and y < passage(scenario)[1]:
+            goal = passage(scenario)
         error = math.atan2(x - goal[0], goal[1] - y) - angle
         error = math.atan2(math.sin(error), math.cos(error))
         gas = math.cos(error) + error * side + noise[step]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ncrs_envs
-from ncrs.statistics import wilson_interval
+from ncrs.assessment import Share
 
 Grid = NDArray[np.float32]
 Controller = Callable[[Grid], Grid]
@@ -129,11 +129,8 @@ def main() -> None:
             controllers["catch and carry"] = (catch_and_carry(body, GAIN[task]), rows)
         for name, (controller, own_body) in controllers.items():
             fitness, successes = run(task, controller, episodes, own_body)
-            low, high = wilson_interval(successes, episodes)
-            print(
-                f"{task:<14}{name:<16}{fitness:>8.4f}{successes / episodes:>9.0%}"
-                f"  {low:.1%} to {high:.1%}"
-            )
+            share, low, high = Share.of(successes, episodes).percentages()
+            print(f"{task:<14}{name:<16}{fitness:>8.4f}{share:>9}  {low} to {high}")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ from pathlib import Path
 from time import perf_counter
 from types import TracebackType
 
-import Box2D
 import numpy as np
 from numpy.typing import NDArray
 from torch.utils.tensorboard import SummaryWriter
@@ -60,6 +59,8 @@ class PhaseTimer:
 
 def versions() -> dict[str, str]:
     """Versions of what decides a run's numbers."""
+    import Box2D  # not above: loading it would delay every command
+
     return {
         "python": platform.python_version(),
         **{name: version(name) for name in _PACKAGES},

@@ -229,7 +229,7 @@ def test_other_settings_are_refused_on_resuming_with_both_values(undisturbed):
 def test_going_on_with_other_versions_is_warned_of(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(logs, "version", lambda name: "0.1")
-        patch.setattr(logs.Box2D, "__version__", "0.2")
+        patch.setattr("Box2D.__version__", "0.2")
         train(config(generations=1), tmp_path)
     expected = r"saved with torch 0\.1 \(now .*numba 0\.1.*cma 0\.1.*Box2D 0\.2"
     with pytest.warns(logs.VersionWarning, match=expected):
