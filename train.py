@@ -5,14 +5,14 @@ import sys
 import hydra
 from omegaconf import DictConfig
 
-from ncrs.checkpoint import CheckpointError
-from ncrs.config import check_arguments, current_job, register
 from ncrs.engines import EngineError
-from ncrs.published import ChampionError
-from ncrs.run_lock import RunError
-from ncrs.settings import ConfigError
-from ncrs.summary import exit_code, finished_lines, stopped_lines
-from ncrs.training import train
+from ncrs.runs.checkpoint import CheckpointError
+from ncrs.runs.lock import RunError
+from ncrs.runs.published import ChampionError
+from ncrs.runs.settings import ConfigError
+from ncrs.training.hydra import check_arguments, current_job, register
+from ncrs.training.summary import exit_code, finished_lines, stopped_lines
+from ncrs.training.trainer import train
 
 
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")

@@ -38,9 +38,9 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from benchmarks.workload import nearly_full_genomes
 from ncrs import training
 from ncrs.engines.base import Engine, Evaluation, make_engine
-from ncrs.optimizers.base import OPTIMIZERS
-from ncrs.optimizers.emitters import EMITTERS
-from ncrs.settings import EngineConfig, OptimizerConfig, TrainConfig
+from ncrs.evolution.optimizers.base import OPTIMIZERS
+from ncrs.evolution.optimizers.emitters import EMITTERS
+from ncrs.runs.settings import EngineConfig, OptimizerConfig, TrainConfig
 
 TASK = "light_chase"
 GENERATIONS = 24

@@ -26,7 +26,7 @@ import torch
 from cma.sigma_adaptation import CMAAdaptSigmaCSA
 from numpy.typing import NDArray
 
-from ncrs.optimizers.cma_es import CMAES
+from ncrs.evolution.optimizers.cma_es import CMAES
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]

@@ -21,16 +21,15 @@ from typing import Any
 import yaml
 from PIL import Image
 
-from ncrs.assessment import Assessment, assess
-from ncrs.champion import CHAMPION_FILE, Champion, load_champion_file
-from ncrs.checkpoint import write_json
 from ncrs.commands.archive import reestimated
-from ncrs.elites import load_archive
 from ncrs.engines.base import AUTO_ENGINE, ENGINES
-from ncrs.evaluation import RUNS
-from ncrs.metrics import read_metrics
-from ncrs.pictures import STORY_FILE, save_pictures
-from ncrs.published import (
+from ncrs.engines.evaluate import RUNS
+from ncrs.runs.assessment import Assessment, assess
+from ncrs.runs.champion import CHAMPION_FILE, Champion, load_champion_file
+from ncrs.runs.checkpoint import write_json
+from ncrs.runs.elites import load_archive
+from ncrs.runs.metrics import read_metrics
+from ncrs.runs.published import (
     CARD_SUFFIX,
     CHAMPION_SUFFIX,
     CHECKOUT_FOLDER,
@@ -39,7 +38,8 @@ from ncrs.published import (
     file_stem,
     load_champion,
 )
-from ncrs.settings import load_config
+from ncrs.runs.settings import load_config
+from ncrs.viz.pictures import STORY_FILE, save_pictures
 
 EPISODES, SEED = 1000, 1
 PICTURE_SIZE = 240

@@ -25,9 +25,9 @@ from benchmarks.workload import (
     nearly_full_genomes,
     rollout_speed,
 )
-from ncrs.development import grow
+from ncrs.automaton.growth import grow
+from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.base import ENGINES, available_cores
-from ncrs.nca import NCAPopulation
 from ncrs_envs.tasks import TASKS
 
 AUTHORS_STEPS_PER_S_AND_CORE = 140

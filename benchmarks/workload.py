@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.development import grow
+from ncrs.automaton.channels import FEATURES, STEPS_PER_ACTION, nca_layout
+from ncrs.automaton.growth import grow
+from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.base import make_engine
-from ncrs.layout import FEATURES, STEPS_PER_ACTION, nca_layout
-from ncrs.nca import NCAPopulation
 from ncrs_envs.scenario import sample_scenarios
 from ncrs_envs.tasks import TASKS, task_settings
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ncrs_envs
-from ncrs.assessment import Share
+from ncrs.runs.assessment import Share
 
 Grid = NDArray[np.float32]
 Controller = Callable[[Grid], Grid]

@@ -6,8 +6,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from ncrs.checkpoint import CheckpointError
 from ncrs.commands import archive, evaluate, figures, film, play, render, report
+from ncrs.runs.checkpoint import CheckpointError
 
 _COMMANDS = (evaluate, archive, render, figures, film, play, report)
 

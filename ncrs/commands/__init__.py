@@ -10,9 +10,9 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ncrs.champion import Champion
-from ncrs.published import champion_path, file_stem
-from ncrs.settings import ConfigError
+from ncrs.runs.champion import Champion
+from ncrs.runs.published import champion_path, file_stem
+from ncrs.runs.settings import ConfigError
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ncrs.archive import PAPER_TRIPLES, STANDING_STILL_MARGIN, SUCCESS_SHARE
-from ncrs.checkpoint import write_atomically
 from ncrs.commands import Commands, folder_of, print_saved
-from ncrs.elites import EliteArchive, load_archive
 from ncrs.engines.base import AUTO_ENGINE, ENGINES, make_engine
-from ncrs.evaluation import RUNS
-from ncrs.exports import to_pyribs, write_csv
-from ncrs.reestimation import reestimate
+from ncrs.engines.evaluate import RUNS
+from ncrs.evolution.archive import PAPER_TRIPLES, STANDING_STILL_MARGIN, SUCCESS_SHARE
+from ncrs.evolution.reestimation import reestimate
+from ncrs.runs.checkpoint import write_atomically
+from ncrs.runs.elites import EliteArchive, load_archive
+from ncrs.runs.exports import to_pyribs, write_csv
 
 REESTIMATED_FILE = "archive_reestimated.npz"
 CSV_FILE = "archive.csv"

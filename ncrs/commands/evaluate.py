@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ncrs.assessment import EPISODES, REFERENCE_ENGINE, assess
-from ncrs.checkpoint import write_json
 from ncrs.commands import ROBOT_HELP, Commands, describe, output_folder, print_saved
 from ncrs.engines.base import ENGINES
-from ncrs.published import load_any_champion
+from ncrs.runs.assessment import EPISODES, REFERENCE_ENGINE, assess
+from ncrs.runs.checkpoint import write_json
+from ncrs.runs.published import load_any_champion
 
 EVALUATION_FILE = "evaluation.json"
 

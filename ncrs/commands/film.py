@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ncrs.commands import Commands, output_folder, print_saved
-from ncrs.published import champion_path
+from ncrs.runs.published import champion_path
 from ncrs_envs.tasks import TASKS
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ def add_parser(commands: Commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from ncrs.settings import TaskConfig
+    from ncrs.runs.settings import TaskConfig
     from ncrs.viz.play_session import PlaySession
     from ncrs.viz.play_window import PlayWindow
     from ncrs_envs.body import DEFAULT_GRID_SIZE, parse_body

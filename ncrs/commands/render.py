@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from ncrs.commands import ROBOT_HELP, Commands, describe, output_folder, print_saved
-from ncrs.pictures import DEFAULT_SIZE, save_pictures
-from ncrs.published import load_any_champion
+from ncrs.runs.published import load_any_champion
+from ncrs.viz.pictures import DEFAULT_SIZE, save_pictures
 
 
 def add_parser(commands: Commands) -> None:

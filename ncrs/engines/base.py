@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.layout import NCALayout
+from ncrs.automaton.channels import NCALayout
 from ncrs_envs.body import body_features
 from ncrs_envs.scenario import Scenario, ScenarioError
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings

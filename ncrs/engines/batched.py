@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ncrs_envs.batched.records import quad_capacity, scenario_arrays, settings_array
 
 # isort: split
+from ncrs.automaton.channels import growth_steps
 from ncrs.engines.base import (
     Engine,
     EvaluationInterrupted,
@@ -26,7 +27,6 @@ from ncrs.engines.base import (
 )
 from ncrs.engines.nca_kernels import IntArray, pack_genomes
 from ncrs.engines.rollout_kernels import grow_population, make_workspace, roll_out_population
-from ncrs.layout import growth_steps
 from ncrs_envs.tasks import MAX_EPISODE_STEPS
 
 _LOGGER = logging.getLogger(__name__)

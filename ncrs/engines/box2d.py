@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.control import Controller, StateError
-from ncrs.development import grow
+from ncrs.automaton.control import Controller, StateError
+from ncrs.automaton.growth import grow
+from ncrs.automaton.nca import NCA
+from ncrs.automaton.threads import one_torch_thread
 from ncrs.engines.base import (
     Engine,
     EvaluationInterrupted,
@@ -18,8 +20,6 @@ from ncrs.engines.base import (
     StopCheck,
 )
 from ncrs.engines.pool import WorkerPool
-from ncrs.nca import NCA
-from ncrs.threads import one_torch_thread
 from ncrs_envs.body import BodyGrid
 from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.scenario import Scenario

@@ -19,13 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.engines.tiles import (
-    add_outer_product,
-    repeat_row,
-    store_clipped_sum,
-    store_rectified,
-)
-from ncrs.layout import (
+from ncrs.automaton.channels import (
     ALIVE_THRESHOLD,
     BODY_CHANNEL,
     CONTROL_CHANNEL,
@@ -35,6 +29,12 @@ from ncrs.layout import (
     KERNEL_SIZE,
     STATE_LIMIT,
     NCALayout,
+)
+from ncrs.engines.tiles import (
+    add_outer_product,
+    repeat_row,
+    store_clipped_sum,
+    store_rectified,
 )
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.body import Cell

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.automaton.channels import FIRST_PART_CHANNEL, STEPS_PER_ACTION
 from ncrs.engines.nca_kernels import (
     CHANGING_CHANNELS,
     CONTROL_LANES,
@@ -25,7 +26,6 @@ from ncrs.engines.nca_kernels import (
     link_cells,
     network_of,
 )
-from ncrs.layout import FIRST_PART_CHANNEL, STEPS_PER_ACTION
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.batched.layout import (
     CELLS_HEADER,

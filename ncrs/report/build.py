@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ncrs.layout import STATE_LIMIT
-from ncrs.nca import NCAPopulation
+from ncrs.automaton.channels import STATE_LIMIT
+from ncrs.automaton.nca import NCAPopulation
 from ncrs.report.curves import load_curves
 from ncrs.report.encoding import pack, quantize, write_data
 from ncrs.report.overview import charts, facts, robot_table, setting_lines, task_title, world
 from ncrs.report.robots import ReportError, Robots, load_robots
-from ncrs.settings import load_config
+from ncrs.runs.settings import load_config
 from ncrs_envs.body import sensor_mask, wheel_mask
 from ncrs_envs.physics import MAX_TRANSLATION
 from ncrs_envs.scenario import WALL_EXTENT, Scenario, sample_scenarios

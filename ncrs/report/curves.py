@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.metrics import GENERATION, METRICS_FILE, read_metrics
+from ncrs.runs.metrics import GENERATION, METRICS_FILE, read_metrics
 
 EVENT_FILES = "events.out.tfevents.*"
 MOST_POINTS = 400

@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ncrs.development import grow, read_body
+from ncrs.automaton.channels import BODY_CHANNEL, CONTROL_CHANNEL, NCALayout, nca_layout
+from ncrs.automaton.growth import grow, read_body
+from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.nca_kernels import pack_genomes
 from ncrs.engines.rollout_kernels import make_workspace
-from ncrs.layout import BODY_CHANNEL, CONTROL_CHANNEL, NCALayout, nca_layout
-from ncrs.nca import NCAPopulation
 from ncrs.report.recording_kernel import make_tapes, record_population
 from ncrs.report.robots import ReportError
 from ncrs_envs.batched.records import scenario_arrays, settings_array

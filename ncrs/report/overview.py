@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ncrs.layout import STATE_LIMIT, NCALayout, nca_layout
+from ncrs.automaton.channels import STATE_LIMIT, NCALayout, nca_layout
 from ncrs.report.curves import Curve
 from ncrs.report.robots import Robots
-from ncrs.settings import TrainConfig
+from ncrs.runs.settings import TrainConfig
 from ncrs_envs import canvas
 from ncrs_envs.body import CELL_CHARACTERS, CELL_SIZE, SENSOR_CELLS, Cell, body_to_characters
 from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, TARGET_SIDE

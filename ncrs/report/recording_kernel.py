@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.automaton.channels import FIRST_PART_CHANNEL, STEPS_PER_ACTION
 from ncrs.engines.nca_kernels import (
     CHANGING_CHANNELS,
     CONTROL_LANES,
@@ -23,7 +24,6 @@ from ncrs.engines.nca_kernels import (
     network_of,
 )
 from ncrs.engines.rollout_kernels import Workspace, cell_numbers, read_wheels, write_sensors
-from ncrs.layout import FIRST_PART_CHANNEL, STEPS_PER_ACTION
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.batched.dynamics import grid_center
 from ncrs_envs.batched.layout import (

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.archive import Archive
-from ncrs.champion import CHAMPION_FILE, Champion, load_champion_file
-from ncrs.elites import ARCHIVE_FILE, EliteArchive, load_archive, make_archive
-from ncrs.settings import ConfigError, TaskConfig
+from ncrs.evolution.archive import Archive
+from ncrs.runs.champion import CHAMPION_FILE, Champion, load_champion_file
+from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, load_archive, make_archive
+from ncrs.runs.settings import ConfigError, TaskConfig
 from ncrs_envs.body import body_features
 
 

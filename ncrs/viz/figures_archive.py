@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
-from ncrs.elites import EliteArchive
+from ncrs.runs.elites import EliteArchive
 from ncrs.viz.archive_grid import archive_grid
 from ncrs.viz.runs import Group, tasks_of
 from ncrs.viz.style import (

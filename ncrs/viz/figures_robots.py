@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Rectangle
 
-from ncrs.champion import Champion
-from ncrs.layout import HIDDEN_CHANNELS
-from ncrs.nca import NCA
-from ncrs.recording import Recording, record_episodes, record_growth
+from ncrs.automaton.channels import HIDDEN_CHANNELS
+from ncrs.automaton.nca import NCA
+from ncrs.runs.champion import Champion
 from ncrs.viz.body_patches import add_body, add_silhouette, cell_legend
+from ncrs.viz.recording import Recording, record_episodes, record_growth
 from ncrs.viz.runs import Group, methods_of, tasks_of
 from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, method_name, task_name
 from ncrs_envs.body import Cell, body_features, body_to_characters

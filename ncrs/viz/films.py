@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.recording import Grown, Growth, Recording, record_episodes, record_growth
 from ncrs.viz.film_files import FilmWriter, open_writers
+from ncrs.viz.recording import Grown, Growth, Recording, record_episodes, record_growth
 from ncrs.viz.runs import VizError
 from ncrs.viz.stills import Picture, ground, ramp, write
 from ncrs_envs.body import sensor_mask, wheel_mask

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.control import Controller
-from ncrs.recording import make_env
-from ncrs.settings import TaskConfig
+from ncrs.automaton.control import Controller
+from ncrs.runs.settings import TaskConfig
+from ncrs.viz.recording import make_env
 from ncrs.viz.robots import EvolvedRobot
 from ncrs_envs.body import BodyError, BodyGrid, Cell, cell_centers, mass_properties, parse_body
 from ncrs_envs.rendering import Scene

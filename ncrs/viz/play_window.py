@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from ncrs.threads import one_torch_thread
+from ncrs.automaton.threads import one_torch_thread
 from ncrs.viz.play_session import PlaySession
 from ncrs.viz.play_view import draw_play, layout_of
 from ncrs.viz.runs import VizError

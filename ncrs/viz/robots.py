@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.champion import CHAMPION_FILE, load_champion_file
-from ncrs.development import grow
-from ncrs.elites import load_elite
-from ncrs.nca import NCA
-from ncrs.settings import SETTINGS_FILE, TaskConfig, load_config
+from ncrs.automaton.growth import grow
+from ncrs.automaton.nca import NCA
+from ncrs.runs.champion import CHAMPION_FILE, load_champion_file
+from ncrs.runs.elites import load_elite
+from ncrs.runs.settings import SETTINGS_FILE, TaskConfig, load_config
 from ncrs.viz.runs import VizError
 from ncrs_envs.body import BodyError
 

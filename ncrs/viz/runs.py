@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.champion import CHAMPION_FILE, Champion, load_champion_file
-from ncrs.elites import ARCHIVE_FILE, EliteArchive, load_archive
-from ncrs.metrics import METRICS_FILE, read_metrics
-from ncrs.settings import SETTINGS_FILE, TrainConfig, load_config
+from ncrs.runs.champion import CHAMPION_FILE, Champion, load_champion_file
+from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, load_archive
+from ncrs.runs.metrics import METRICS_FILE, read_metrics
+from ncrs.runs.settings import SETTINGS_FILE, TrainConfig, load_config
 from ncrs_envs.tasks import TASKS
 
 _SWEEP_DEPTHS = ("*/", "*/*/")

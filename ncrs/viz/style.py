@@ -13,7 +13,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from ncrs.checkpoint import write_atomically
+from ncrs.runs.checkpoint import write_atomically
 
 WIDTH = 7.0
 """Inches: two columns of a page."""

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from ncrs.automaton.channels import CONTROL_CHANNEL, GenomeError, nca_layout
 from ncrs.engines.base import (
     ENGINES,
     EvaluationInterrupted,
     NonFiniteStateWarning,
     make_engine,
 )
-from ncrs.evaluation import evaluate
-from ncrs.layout import CONTROL_CHANNEL, GenomeError, nca_layout
+from ncrs.engines.evaluate import evaluate
 from ncrs_envs.body import body_features
 from ncrs_envs.scenario import Scenario, ScenarioError, sample_scenarios
 from ncrs_envs.tasks import TASKS, TaskError, task_settings

@@ -95,7 +95,7 @@ def test_compilation_is_announced_when_it_takes_long_and_only_then(monkeypatch, 
 def test_without_numba_the_error_names_the_other_engine():
     code = (
         "import sys; sys.modules['numba'] = sys.modules['llvmlite'] = None\n"
-        "import ncrs.evaluation, ncrs.engines\n"
+        "import ncrs.engines.evaluate, ncrs.engines\n"
         "try:\n"
         "    ncrs.engines.make_engine('batched', None)\n"
         "except ImportError as error:\n"

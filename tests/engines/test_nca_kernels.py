@@ -10,8 +10,10 @@ import pytest
 
 pytest.importorskip("numba")
 
-from ncrs.control import Controller
-from ncrs.development import grow
+from ncrs.automaton.channels import STEPS_PER_ACTION, growth_steps, nca_layout
+from ncrs.automaton.control import Controller
+from ncrs.automaton.growth import grow
+from ncrs.automaton.nca import NCA
 from ncrs.engines.nca_kernels import (
     CHANGING_CHANNELS,
     CONTROL_LANES,
@@ -27,8 +29,6 @@ from ncrs.engines.nca_kernels import (
     pack_genomes,
     seed_state,
 )
-from ncrs.layout import STEPS_PER_ACTION, growth_steps, nca_layout
-from ncrs.nca import NCA
 from ncrs_envs.body import sensor_mask, wheel_mask
 
 DATA = Path(__file__).parents[1] / "data"

@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from ncrs.champion import CHAMPION_FILE, Champion
-from ncrs.elites import ARCHIVE_FILE, EliteArchive, make_archive
-from ncrs.layout import nca_layout
+from ncrs.automaton.channels import nca_layout
 from ncrs.report import build_report
-from ncrs.settings import TrainConfig, save_config
+from ncrs.runs.champion import CHAMPION_FILE, Champion
+from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, make_archive
+from ncrs.runs.settings import TrainConfig, save_config
 from ncrs_envs.body import body_features
 from ncrs_envs.tasks import default_body
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import ncrs
-from ncrs.champion import load_champion_file
 from ncrs.cli import main
-from ncrs.elites import ARCHIVE_FILE, load_archive
 from ncrs.report import ReportError, build_report
 from ncrs.report.build import CHUNK
-from ncrs.settings import ConfigError
+from ncrs.runs.champion import load_champion_file
+from ncrs.runs.elites import ARCHIVE_FILE, load_archive
+from ncrs.runs.settings import ConfigError
 from ncrs_envs.body import body_to_characters, sensor_mask, wheel_mask
 from ncrs_envs.scenario import sample_scenarios
 

@@ -5,7 +5,7 @@ import pytest
 from torch.utils.tensorboard import SummaryWriter
 
 from ncrs.report.curves import Curve, load_curves
-from ncrs.settings import ConfigError
+from ncrs.runs.settings import ConfigError
 
 
 @pytest.fixture

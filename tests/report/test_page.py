@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from ncrs.elites import load_archive
 from ncrs.report import build_report
+from ncrs.runs.elites import load_archive
 from tests.report.browser import CHROMIUM, DRIVER, Page, start_chromium
 
 from selenium.webdriver.common.keys import Keys  # isort: skip

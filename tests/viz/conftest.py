@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 
-from ncrs.settings import EngineConfig, OptimizerConfig, TrainConfig
-from ncrs.training import train
+from ncrs.runs.settings import EngineConfig, OptimizerConfig, TrainConfig
+from ncrs.training.trainer import train
 
 
 def small(**changes):

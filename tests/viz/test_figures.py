@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ncrs.champion import load_champion_file
 from ncrs.cli import main
-from ncrs.elites import load_archive
-from ncrs.metrics import read_metrics
+from ncrs.runs.champion import load_champion_file
+from ncrs.runs.elites import load_archive
+from ncrs.runs.metrics import read_metrics
 from ncrs.viz.figures_curves import fitness_plot
 from ncrs.viz.figures_robots import channel_names
 from ncrs.viz.runs import VizError, find_runs, group_runs

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from ncrs.cli import main
-from ncrs.elites import load_archive
+from ncrs.runs.elites import load_archive
 from ncrs.viz import film_files
 from ncrs.viz.films import channel_picture, check_height, growth_frames, timed_frames
 from ncrs.viz.robots import load_robot

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ncrs.cli import main
-from ncrs.settings import TaskConfig
+from ncrs.runs.settings import TaskConfig
 from ncrs.viz.play_session import PlaySession, steering
 from ncrs.viz.play_view import draw_play, layout_of
 from ncrs.viz.play_window import DEFAULT_SPEED, PlayWindow

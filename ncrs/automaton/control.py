@@ -1,0 +1,140 @@
+"""Control: copies of the NCA, one per cell, drive the robot. Source: paper section 3.2."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ncrs.automaton.channels import (
+    BODY_CHANNEL,
+    CONTROL_CHANNEL,
+    STEPS_PER_ACTION,
+)
+from ncrs.automaton.nca import Automaton, NCAPopulation
+from ncrs_envs.body import BodyError, parse_body, sensor_mask, wheel_mask
+
+
+class ObservationError(ValueError):
+    """Observations of the wrong shape, or with values that are not finite."""
+
+
+class StateError(RuntimeError):
+    """The automaton's state is no longer finite in some robots.
+
+    ``robots`` holds their indices, counted over all leading axes of the bodies.
+    """
+
+    def __init__(self, robots: Sequence[int]) -> None:
+        super().__init__(
+            f"The NCA's state is no longer finite in robots {list(robots)}; "
+            "its weights are too large."
+        )
+        self.robots = tuple(robots)
+
+
+class Controller:
+    """Drives one robot, or a batch of robots, with the grown NCA.
+
+    Args:
+        nca: one NCA, or a population of P.
+        bodies: cell codes; ``(n, n)`` or any leading axes ``(..., n, n)`` for one NCA, and
+            ``(P, n, n)`` or ``(P, ..., n, n)`` for a population, a genome per row.
+        seed: of stochastic firing and state noise, where the NCA has them.
+
+    Raises:
+        BodyError: malformed bodies, or not one row of them per genome.
+    """
+
+    def __init__(self, nca: Automaton, bodies: Any, *, seed: int | None = None) -> None:
+        bodies = np.asarray(bodies)
+        if bodies.ndim < 2:
+            raise BodyError(f"bodies must have shape (..., n, n), got {bodies.shape}.")
+        flat = np.stack([parse_body(body) for body in bodies.reshape(-1, *bodies.shape[-2:])])
+        if isinstance(nca, NCAPopulation) and (bodies.ndim < 3 or bodies.shape[0] != nca.size):
+            raise BodyError(
+                f"A population of {nca.size} genomes needs bodies of shape "
+                f"({nca.size}, ..., n, n), got {bodies.shape}."
+            )
+        self._nca = nca
+        self._seed = seed
+        self._shape = bodies.shape
+        grid_size = bodies.shape[-1]
+        rows = (nca.size, -1) if isinstance(nca, NCAPopulation) else (-1,)
+        batched = (*rows, grid_size, grid_size)
+        self._device = nca.device
+
+        def cells(mask: NDArray[np.bool_]) -> torch.Tensor:
+            return torch.from_numpy(mask.reshape(batched)).to(self._device)
+
+        self._occupied = cells(flat != 0)
+        self._sensors = cells(sensor_mask(flat))
+        self._wheels = cells(wheel_mask(flat))
+        layout = nca.layout
+        self._start = torch.zeros(
+            (*self._occupied.shape[:-2], layout.channels, grid_size, grid_size), device=self._device
+        )
+        self._start[..., BODY_CHANNEL, :, :] = self._occupied.float()
+        self._start[..., CONTROL_CHANNEL, :, :] = 1.0
+        for channel, code in enumerate(layout.part_codes, start=layout.part_channels.start):
+            self._start[..., channel, :, :] = cells(flat == code).float()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the episode: hidden and input/output channels become zero."""
+        self._state = self._start.clone()
+        self._generator = None
+        if self._seed is not None:
+            self._generator = torch.Generator().manual_seed(self._seed)
+
+    @property
+    def states(self) -> NDArray[np.float32]:
+        """A copy of the current states, float32 ``(..., n, n, C)``."""
+        states = self._state.movedim(-3, -1).cpu().numpy()
+        return np.array(states.reshape(*self._shape, -1))
+
+    def act(self, observations: Any) -> NDArray[np.float32]:
+        """Run two NCA steps and read the wheels.
+
+        Before each of the two, the input/output channel of sensor cells is overwritten with the
+        sensor values. Only occupied cells update.
+
+        Args:
+            observations: sensor values in sensor cells, same shape as the bodies.
+
+        Returns:
+            Gas in wheel cells, 0 elsewhere; float32, same shape. Not clipped: environments do it.
+
+        Raises:
+            ObservationError: wrong shape, or a value that is not finite.
+            StateError: the state has become non-finite.
+        """
+        inputs = np.asarray(observations, dtype=np.float32)
+        if inputs.shape != self._shape:
+            raise ObservationError(
+                f"observations must have the bodies' shape {self._shape}, got {inputs.shape}."
+            )
+        if not np.isfinite(inputs).all():
+            raise ObservationError(
+                f"observations must be finite, got {np.count_nonzero(~np.isfinite(inputs))} that "
+                "are not."
+            )
+        sensed = torch.from_numpy(inputs.reshape(self._sensors.shape)).to(self._device)
+        layout = self._nca.layout
+        changing, io = layout.changing_channels, layout.io_channel
+        occupied = self._occupied.unsqueeze(-3)
+        with torch.no_grad():
+            for _ in range(STEPS_PER_ACTION):
+                signal = self._state[..., io, :, :]
+                torch.where(self._sensors, sensed, signal, out=signal)
+                updated = self._nca(self._state, self._generator)
+                self._state[..., changing, :, :] = updated[..., changing, :, :] * occupied
+        gas = self._state[..., io, :, :] * self._wheels
+        actions = np.array(gas.cpu().numpy().reshape(self._shape), dtype=np.float32)
+        finite = torch.isfinite(self._state).flatten(-3).all(dim=-1).flatten()
+        if not finite.all():
+            raise StateError(torch.nonzero(~finite).flatten().tolist())
+        return actions

@@ -1,0 +1,107 @@
+"""Growth: from one seed cell to a body. Source: paper section 3.1."""
+
+from __future__ import annotations
+
+from typing import Literal, overload
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from ncrs.automaton.channels import ALIVE_THRESHOLD, BODY_CHANNEL, NCALayout, growth_steps
+from ncrs.automaton.nca import Automaton, NCAPopulation
+from ncrs_envs.body import DEFAULT_GRID_SIZE, BodyGrid, check_grid_size
+
+States = NDArray[np.float32]
+
+
+@overload
+def grow(
+    nca: Automaton, grid_size: int = ..., *, history: Literal[False] = ..., seed: int | None = ...
+) -> BodyGrid: ...
+
+
+@overload
+def grow(
+    nca: Automaton, grid_size: int = ..., *, history: Literal[True], seed: int | None = ...
+) -> tuple[BodyGrid, States]: ...
+
+
+def grow(
+    nca: Automaton,
+    grid_size: int = DEFAULT_GRID_SIZE,
+    *,
+    history: bool = False,
+    seed: int | None = None,
+) -> BodyGrid | tuple[BodyGrid, States]:
+    """Grow a body, or one per genome of a population.
+
+    A cell is alive if the largest body value in its 3 x 3 neighbourhood *before* an update exceeds
+    0.1; cells that are not alive become all zeros. There are ``5 (n - n//2 - 1)`` steps.
+
+    Args:
+        nca: one NCA, or a population of P.
+        grid_size: side n of the grid, at least 3.
+        history: also return the state after every step.
+        seed: of stochastic firing and state noise, where the NCA has them.
+
+    Returns:
+        The body, int8 ``(n, n)``, or ``(P, n, n)`` for a population; with ``history`` also the
+        states, float32 ``(steps, n, n, C)``, or ``(P, steps, n, n, C)``.
+
+    Raises:
+        BodyError: ``grid_size`` is not an integer of at least 3.
+    """
+    grid_size = check_grid_size(grid_size)
+    generator = None if seed is None else torch.Generator().manual_seed(seed)
+    batch = (nca.size, 1) if isinstance(nca, NCAPopulation) else (1,)
+    seed_cell = seed_state(nca.channels, grid_size).to(nca.device)
+    state = seed_cell.expand(*batch, *seed_cell.shape)
+    states = []
+    with torch.no_grad():
+        for _ in range(growth_steps(grid_size)):
+            alive = _alive(state)
+            state = nca(state, generator) * alive
+            if history:
+                states.append(state)
+    # Drop the axis of one robot per genome; the channels go last.
+    bodies = read_body(state, nca.layout).squeeze(-3)
+    if not history:
+        return bodies
+    grown = torch.stack(states, dim=-4).squeeze(-5).movedim(-3, -1)
+    return bodies, grown.cpu().numpy()
+
+
+def seed_state(channels: int, grid_size: int) -> Tensor:
+    """The state that growth starts from, float32 ``(C, n, n)``: body 1 in the middle cell."""
+    state = torch.zeros((channels, grid_size, grid_size))
+    state[BODY_CHANNEL, grid_size // 2, grid_size // 2] = 1.0
+    return state
+
+
+def _alive(state: Tensor) -> Tensor:
+    body = state[..., BODY_CHANNEL : BODY_CHANNEL + 1, :, :]
+    flat = body.reshape(-1, 1, *body.shape[-2:])
+    return (functional.max_pool2d(flat, 3, stride=1, padding=1) > ALIVE_THRESHOLD).view_as(body)
+
+
+def read_body(state: Tensor, layout: NCALayout) -> BodyGrid:
+    """Read bodies out of grown states.
+
+    A cell is occupied where its body value exceeds 0.1; its type is the part channel with the
+    largest value, the first of them on a tie.
+
+    Args:
+        state: float32 ``(..., C, n, n)``.
+        layout: the NCA's channels.
+
+    Returns:
+        int8 ``(..., n, n)``.
+    """
+    values = state.detach().cpu().numpy()
+    parts = values[..., layout.part_channels, :, :].argmax(axis=-3)
+    codes = np.array(layout.part_codes, dtype=np.int8)[parts]
+    occupied = values[..., BODY_CHANNEL, :, :] > ALIVE_THRESHOLD
+    return np.where(occupied, codes, np.int8(0))

@@ -1,0 +1,203 @@
+"""The neural cellular automaton as a torch module, for one genome or a population of them.
+
+Source: paper section 3; the layer sizes are those of the published runs.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+from torch.nn.utils import parameters_to_vector, vector_to_parameters
+
+from ncrs.automaton.channels import (
+    CONTROL_CHANNEL,
+    FEATURES,
+    KERNEL_SIZE,
+    STATE_LIMIT,
+    GenomeError,
+    NCALayout,
+    nca_layout,
+)
+from ncrs_envs.tasks import Task
+
+
+def _check_fraction(name: str, value: float, low: float, high: float) -> float:
+    if not low <= value <= high:
+        raise ValueError(f"{name} must lie in [{low:g}, {high:g}], got {value!r}.")
+    return float(value)
+
+
+class _CellularAutomaton(nn.Module, ABC):
+    """What one automaton and a population of them share: the update around the network."""
+
+    def __init__(self, task: str | Task, fire_rate: float, state_noise: float) -> None:
+        super().__init__()
+        self.layout: NCALayout = nca_layout(task)
+        self.fire_rate = _check_fraction("fire_rate", fire_rate, 0.0, 1.0)
+        self.state_noise = _check_fraction("state_noise", state_noise, 0.0, STATE_LIMIT)
+
+    @property
+    def task(self) -> Task:
+        """The task whose body parts the channels stand for."""
+        return self.layout.task
+
+    @property
+    def channels(self) -> int:
+        """Number of channels C: 12, or 13 for CarryBall."""
+        return self.layout.channels
+
+    @property
+    def num_parameters(self) -> int:
+        """Length of one genome: 4,572, or 4,873 for CarryBall."""
+        return self.layout.num_parameters
+
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are."""
+        return [*self.parameters(), *self.buffers()][0].device
+
+    @abstractmethod
+    def delta(self, states: Tensor) -> Tensor:
+        """The network's output ``dx`` for states of the shape that ``forward`` takes."""
+
+    def forward(self, states: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """One update of every cell: ``clip(x + dx, -5, 5)``; the control flag stays.
+
+        Args:
+            states: float32 ``(B, C, H, W)``; for a population ``(P, B, C, H, W)``.
+            generator: randomness for stochastic firing and state noise, where they are on.
+
+        Returns:
+            The next states, same shape.
+        """
+        delta = self.delta(states)
+        if self.state_noise > 0.0:
+            noise = torch.randn(states.shape, generator=generator, dtype=states.dtype)
+            delta = delta + self.state_noise * noise.to(states.device)
+        if self.fire_rate < 1.0:
+            cells = states.shape[:-3] + (1,) + states.shape[-2:]
+            fires = torch.rand(cells, generator=generator, dtype=states.dtype) < self.fire_rate
+            delta = delta * fires.to(states.device)
+        updated = (states + delta).clamp(-STATE_LIMIT, STATE_LIMIT)
+        updated[..., CONTROL_CHANNEL, :, :] = states[..., CONTROL_CHANNEL, :, :]
+        return updated
+
+
+class NCA(_CellularAutomaton):
+    """One neural cellular automaton: the whole genome of a robot.
+
+    ``dx = conv1x1_C(relu(conv1x1_30(relu(conv3x3_30(x)))))`` with zero padding and biases. The
+    flat genome is ``parameters_to_vector(nca.parameters())``: weight and bias of each layer in
+    turn. A new NCA has torch's default random weights; ``set_genome`` replaces them.
+
+    Args:
+        task: "light_chase", "obstacle" or "carry_ball"; sets the number of channels.
+        fire_rate: probability with which each cell updates in a step; 1 (all) in the paper.
+        state_noise: standard deviation of normal noise added to ``dx``; 0 in the paper.
+
+    Raises:
+        TaskError: unknown task.
+        ValueError: ``fire_rate`` or ``state_noise`` out of range.
+    """
+
+    def __init__(
+        self,
+        task: str | Task = "light_chase",
+        *,
+        fire_rate: float = 1.0,
+        state_noise: float = 0.0,
+    ) -> None:
+        super().__init__(task, fire_rate, state_noise)
+        padding = KERNEL_SIZE // 2
+        self.conv1 = nn.Conv2d(self.channels, FEATURES, KERNEL_SIZE, padding=padding)
+        self.conv2 = nn.Conv2d(FEATURES, FEATURES, 1)
+        self.conv3 = nn.Conv2d(FEATURES, self.channels, 1)
+
+    def delta(self, states: Tensor) -> Tensor:
+        hidden = functional.relu(self.conv1(states))
+        out: Tensor = self.conv3(functional.relu(self.conv2(hidden)))
+        return out
+
+    def set_genome(self, genome: Any) -> NCA:
+        """Set all weights from a flat vector, and return this module.
+
+        Args:
+            genome: finite real numbers, shape ``(num_parameters,)``; array, tensor or sequence.
+
+        Raises:
+            GenomeError: wrong shape, dtype or length, or values that are not finite.
+        """
+        if isinstance(genome, Tensor):
+            genome = genome.detach().cpu().numpy()
+        if np.ndim(genome) != 1:
+            raise GenomeError(
+                f"A genome must be a vector of {self.num_parameters} weights, "
+                f"got shape {np.shape(genome)}."
+            )
+        vector = torch.from_numpy(self.layout.check_genomes(genome)[0])
+        with torch.no_grad():
+            vector_to_parameters(vector.to(self.device), self.parameters())
+        return self
+
+    def genome(self) -> NDArray[np.float32]:
+        """A copy of all weights as a flat float32 vector, shape ``(num_parameters,)``."""
+        vector = parameters_to_vector(self.parameters()).detach().cpu().numpy()
+        return np.array(vector, dtype=np.float32)
+
+
+class NCAPopulation(_CellularAutomaton):
+    """P automata with a genome each, updated in one batched call.
+
+    Args:
+        genomes: finite real numbers, shape ``(P, num_parameters)``.
+        task: as for ``NCA``; so are ``fire_rate`` and ``state_noise``.
+
+    Raises:
+        GenomeError: wrong shape or dtype, or values that are not finite.
+        TaskError: unknown task.
+    """
+
+    def __init__(
+        self,
+        genomes: Any,
+        task: str | Task = "light_chase",
+        *,
+        fire_rate: float = 1.0,
+        state_noise: float = 0.0,
+    ) -> None:
+        super().__init__(task, fire_rate, state_noise)
+        vectors = torch.from_numpy(self.layout.check_genomes(genomes))
+        self.size = vectors.shape[0]
+        sizes = [int(np.prod(shape)) for shape in self.layout.parameter_shapes]
+        for index, part in enumerate(torch.split(vectors, sizes, dim=1)):
+            # Weights become (P, out, in), biases (P, out, 1), to multiply (P, in, columns).
+            out = self.layout.parameter_shapes[index][0]
+            kind = "bias" if index % 2 else "weight"
+            self.register_buffer(f"{kind}{index // 2 + 1}", part.reshape(self.size, out, -1))
+
+    weight1: Tensor
+    bias1: Tensor
+    weight2: Tensor
+    bias2: Tensor
+    weight3: Tensor
+    bias3: Tensor
+
+    def delta(self, states: Tensor) -> Tensor:
+        population, batch, channels, height, width = states.shape
+        patches = functional.unfold(states.flatten(0, 1), KERNEL_SIZE, padding=KERNEL_SIZE // 2)
+        columns = patches.reshape(population, batch, -1, height * width)
+        columns = columns.transpose(1, 2).reshape(population, columns.shape[2], -1)
+        hidden = functional.relu(torch.baddbmm(self.bias1, self.weight1, columns))
+        hidden = functional.relu(torch.baddbmm(self.bias2, self.weight2, hidden))
+        out = torch.baddbmm(self.bias3, self.weight3, hidden)
+        out = out.reshape(population, channels, batch, height, width)
+        return out.transpose(1, 2)
+
+
+Automaton = NCA | NCAPopulation

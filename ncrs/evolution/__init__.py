@@ -1,0 +1,8 @@
+"""The search. Source: paper section 5.
+
+- ``archive``: one elite for each triple of measures.
+- ``objective``: the number that an optimizer maximises.
+- ``standstill``: the fitness of a robot that never moves.
+- ``reestimation``: new estimates of all elites on fresh scenarios.
+- ``optimizers``: CMA-ES, CMA-ME, CMA-MAE and MAP-Elites behind one ask-and-tell interface.
+"""

@@ -1,0 +1,130 @@
+"""CMA-ES emitters that take turns, as in CMA-ME and its successor."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.evolution.archive import Additions
+from ncrs.evolution.optimizers.base import Fitness, Genomes, OptimizerError, State
+from ncrs.evolution.optimizers.cma_es import CMAES
+from ncrs.evolution.optimizers.quality_diversity import QDOptimizer
+
+EMITTERS = 15
+"""In the paper."""
+
+
+class EmitterOptimizer(QDOptimizer):
+    """E emitters in turn; each generation is the population of one (paper, section 5).
+
+    An emitter restarts from a random elite when it has added nothing to the archive, neither an
+    elite in an empty cell nor a better one, for more than ``patience`` of its turns, and there are
+    more elites than emitters.
+
+    Args:
+        dimension: length N of a genome.
+        seed: of the choice of elites; the emitters' seeds follow from it.
+        emitters: number E of emitters.
+        patience: turns without an addition that an emitter is given.
+        settings: of the emitters, see ``CMAES``.
+    """
+
+    def __init__(
+        self,
+        dimension: int,
+        seed: np.random.SeedSequence,
+        *,
+        emitters: int,
+        patience: int,
+        settings: Mapping[str, Any],
+    ) -> None:
+        super().__init__(dimension, seed)
+        for name, value in (("emitters", emitters), ("patience", patience)):
+            if value < 1:
+                raise OptimizerError(f"{name} must be at least 1, got {value!r}.")
+        self._patience = int(patience)
+        self._emitters = [
+            CMAES(
+                dimension,
+                np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index)),
+                **settings,
+            )
+            for index in range(emitters)
+        ]
+        # Each emitter's state since its last turn, taken then, so that a checkpoint has not to
+        # copy all of them in one generation.
+        self._kept: list[State | None] = [None] * emitters
+        self._turn = 0
+        self._idle = [0] * emitters
+        self._restarts = 0
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {
+            **self._emitters[0].settings,
+            "emitters": len(self._emitters),
+            "patience": self._patience,
+        }
+
+    def metrics(self) -> dict[str, float]:
+        sigmas = [emitter.sigma for emitter in self._emitters]
+        return {
+            "sigma": float(np.median(sigmas)),
+            "sigma_least": min(sigmas),
+            "sigma_largest": max(sigmas),
+            "restarts": float(self._restarts),
+            "longest_idle": float(max(self._idle)),
+        }
+
+    def start_from(self, genome: NDArray[np.float64]) -> None:
+        for emitter in self._emitters:
+            emitter.start_from(genome)
+        self._kept = [None] * len(self._emitters)
+
+    @abstractmethod
+    def _judge(self, fitness: Fitness, added: Additions) -> tuple[Fitness, bool]:
+        """What the emitter is to maximise, ``(P,)``, and whether its turn brought anything."""
+
+    def _ask(self) -> Genomes:
+        return self._emitters[self._turn].ask()
+
+    def _tell(self, asked: Genomes, fitness: Fitness, added: Additions | None) -> None:
+        assert added is not None  # checked by tell
+        turn = self._turn
+        values, useful = self._judge(fitness, added)
+        self._emitters[turn].tell(values)
+        self._idle[turn] = 0 if useful else self._idle[turn] + 1
+        if self._idle[turn] > self._patience and len(self._archive) > len(self._emitters):
+            self._emitters[turn].restart(self._archive.draw(self._generator, 1)[0])
+            self._idle[turn] = 0
+            self._restarts += 1
+        self._kept[turn] = self._emitters[turn].state()
+        self._turn = (turn + 1) % len(self._emitters)
+
+    def _emitter_state(self, index: int) -> State:
+        if self._asked is not None and index == self._turn:
+            return self._emitters[index].state()
+        kept = self._kept[index]
+        if kept is None:
+            kept = self._kept[index] = self._emitters[index].state()
+        return kept
+
+    def _state(self) -> State:
+        return {
+            "turn": self._turn,
+            "idle": list(self._idle),
+            "restarts": self._restarts,
+            "emitters": [self._emitter_state(index) for index in range(len(self._emitters))],
+        }
+
+    def _load_state(self, state: Mapping[str, Any]) -> None:
+        for emitter, its_state in zip(self._emitters, state["emitters"], strict=True):
+            emitter.load_state(its_state)
+        self._kept = [None] * len(self._emitters)
+        self._turn = state["turn"]
+        self._idle = list(state["idle"])
+        self._restarts = state["restarts"]

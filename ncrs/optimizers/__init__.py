@@ -1,5 +1,0 @@
-"""Optimizers behind one small interface: ask, tell, state."""
-
-from ncrs.optimizers.base import Optimizer, OptimizerError, make_optimizer
-
-__all__ = ["Optimizer", "OptimizerError", "make_optimizer"]

@@ -1,0 +1,120 @@
+"""Test a robot on fresh episodes, and say how sure the result is."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ncrs.runs.champion import Champion
+from ncrs.engines.base import make_engine
+from ncrs.runs.statistics import wilson_interval
+from ncrs_envs.body import body_to_characters
+from ncrs_envs.scenario import sample_scenarios
+
+EPISODES = 100
+"""Fresh episodes in the paper's tests."""
+_EPISODES_OF_A_DECIMAL = 1000
+"""From so many on a tenth of a percent is worth printing."""
+REFERENCE_ENGINE = "box2d"
+"""Champions are tested in the reference physics, whichever engine they evolved on."""
+# Seeds the scenarios apart from those of training, which begin with other keys.
+_STREAM = 3
+
+
+@dataclass(frozen=True)
+class Share:
+    """How often something happened."""
+
+    count: int
+    episodes: int
+    share: float
+    interval: tuple[float, float]
+    """95 % Wilson interval of the share."""
+
+    @classmethod
+    def of(cls, count: int, episodes: int) -> Share:
+        """Share and interval of a count."""
+        return cls(count, episodes, count / episodes, wilson_interval(count, episodes))
+
+    def percentages(self) -> tuple[str, str, str]:
+        """The share and the ends of its interval, as precisely as the episodes allow."""
+        digits = 0 if self.episodes < _EPISODES_OF_A_DECIMAL else 1
+        share, low, high = (f"{value:.{digits}%}" for value in (self.share, *self.interval))
+        return share, low, high
+
+    def __str__(self) -> str:
+        share, low, high = self.percentages()
+        return f"{self.count} of {self.episodes} episodes ({share}; 95 % interval {low} to {high})"
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """Result of a test on fresh episodes."""
+
+    task: str
+    engine: str
+    seed: int
+    fitness: float
+    fitness_standard_error: float
+    success: Share
+    crossed: Share | None
+    """Obstacle only."""
+    body: str
+    """Rows of characters."""
+
+    def as_json(self) -> dict[str, Any]:
+        """As JSON can hold it."""
+        return asdict(self)
+
+    def lines(self) -> list[str]:
+        """For people."""
+        lines = [
+            f"fitness  {self.fitness:.4f} +- {self.fitness_standard_error:.4f} (standard error)",
+            f"success  {self.success}",
+        ]
+        if self.crossed is not None:
+            lines.append(f"crossed  {self.crossed}")
+        return lines
+
+
+def assess(
+    champion: Champion,
+    *,
+    episodes: int = EPISODES,
+    seed: int = 0,
+    engine: str = REFERENCE_ENGINE,
+    workers: int | None = 1,
+) -> Assessment:
+    """Run a champion on fresh episodes, in scenarios that no training run has seen.
+
+    Args:
+        champion: genome and task.
+        episodes: number of episodes, at least 1.
+        seed: decides the scenarios.
+        engine: as for ``evaluate``.
+        workers: as for ``evaluate``; one genome keeps one worker busy.
+
+    Raises:
+        ScenarioError: ``episodes`` is not a positive integer.
+        ValueError: unknown engine, negative seed.
+    """
+    settings = champion.task_settings
+    stream = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
+    scenarios = sample_scenarios(settings.task, stream, episodes, settings.grid_size)
+    with make_engine(engine, settings, workers) as running:
+        result = running.evaluate(champion.genome, scenarios)
+    runs = result.run_fitness[0]
+    spread = float(runs.std(ddof=1)) if episodes > 1 else 0.0
+    crossed = Share.of(int(result.crossed[0].sum()), episodes)
+    return Assessment(
+        task=settings.task.name,
+        engine=engine,
+        seed=seed,
+        fitness=float(runs.mean()),
+        fitness_standard_error=spread / float(np.sqrt(episodes)),
+        success=Share.of(int(result.success[0].sum()), episodes),
+        crossed=crossed if settings.task.has_walls else None,
+        body=body_to_characters(result.bodies[0]),
+    )

@@ -1,0 +1,205 @@
+"""Archives of bodies: their file, and elites that are ready to use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.evolution.archive import NO_CELL, Archive, FeatureSpace
+from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
+from ncrs.engines.base import AUTO_ENGINE, Evaluation
+from ncrs.engines.evaluate import evaluate
+from ncrs.automaton.channels import nca_layout
+from ncrs.automaton.nca import NCA
+from ncrs.runs.settings import TaskConfig, run_file
+from ncrs_envs.body import Cell, parse_body
+from ncrs_envs.mirroring import PLAIN_SAMPLING, ScenarioSampling
+from ncrs_envs.scenario import Scenario
+from ncrs_envs.tasks import Task, TaskSettings
+
+ARCHIVE_FILE = "archive.npz"
+_NEAREST = 5
+
+
+class EliteError(LookupError, ValueError):
+    """A feature triple that no body can have, or that has no elite."""
+
+
+def feature_space(task: Task, grid_size: int) -> FeatureSpace:
+    """The feature triples that valid bodies of a task can have."""
+    wheels = sum(count for cell, count in task.required_parts if cell is Cell.WHEEL)
+    return FeatureSpace(task.min_sensors, wheels, grid_size**2)
+
+
+def make_archive(settings: TaskSettings) -> Archive:
+    """An empty archive for a task."""
+    space = feature_space(settings.task, settings.grid_size)
+    return Archive(space, nca_layout(settings.task).num_parameters, settings.grid_size)
+
+
+@dataclass(frozen=True)
+class Elite:
+    """The best genome known with its features."""
+
+    features: tuple[int, int, int]
+    """Sensors, wheels, cells."""
+    genome: NDArray[np.float32]
+    """Shape ``(num_parameters,)``."""
+    body: NDArray[np.int8]
+    """Cell codes, ``(n, n)``."""
+    task: TaskConfig
+    fitness: float
+    """Mean over its scenarios: a lucky draw, unless the archive was re-estimated."""
+    success: float
+    """Share of its scenarios that succeeded, 0 to 1."""
+    generation: int
+    """When it was found."""
+    evaluation_seed: tuple[int, ...]
+    """Entropy, then spawn key, of its scenarios."""
+    runs: int
+    """Number of its scenarios."""
+    sampling: ScenarioSampling = PLAIN_SAMPLING
+    """How they were drawn."""
+
+    @property
+    def nca(self) -> NCA:
+        """A new NCA with this genome."""
+        return NCA(self.task.name).set_genome(self.genome)
+
+    @property
+    def scenarios(self) -> list[Scenario]:
+        """The scenarios in which it earned its fitness."""
+        entropy, *key = self.evaluation_seed
+        stream = np.random.SeedSequence(entropy, spawn_key=key)
+        return self.sampling.draw(self.task.name, stream, self.runs, self.task.grid_size)
+
+    def evaluate(self, engine: str = AUTO_ENGINE) -> Evaluation:
+        """Run it in its scenarios again: on the engine it was found on, to the same fitness."""
+        return evaluate(
+            self.genome,
+            self.task.name,
+            engine=engine,
+            scenarios=self.scenarios,
+            grid_size=self.task.grid_size,
+            distance_score=self.task.distance_score,
+            success_radius=self.task.success_radius,
+        )
+
+
+@dataclass(frozen=True)
+class EliteArchive:
+    """An archive with the task that its elites are for, and how often each was run."""
+
+    task: TaskConfig
+    archive: Archive
+    runs: int
+    """Scenarios behind each elite's fitness."""
+    sampling: ScenarioSampling = PLAIN_SAMPLING
+    """How they were drawn."""
+
+    def elite(self, features: Sequence[int]) -> Elite:
+        """The elite with these features: sensors, wheels, cells.
+
+        Raises:
+            EliteError: there is none; the message names the nearest that there are.
+        """
+        wanted = np.asarray(features)
+        if wanted.shape != (3,) or not np.issubdtype(wanted.dtype, np.integer):
+            raise EliteError(
+                f"features must be three integers, (sensors, wheels, cells), got {features!r}."
+            )
+        archive = self.archive
+        cell = int(archive.space.cells(wanted[None])[0])
+        triple = (int(wanted[0]), int(wanted[1]), int(wanted[2]))
+        row = np.flatnonzero(archive.cells == cell)
+        if not len(row):
+            raise EliteError(self._missing(triple, possible=cell != NO_CELL))
+        index = int(row[0])
+
+        seed = archive.column("seeds")[index].tolist()
+        return Elite(
+            features=triple,
+            genome=archive.column("genomes")[index],
+            body=parse_body(archive.column("bodies")[index], archive.grid_size),
+            task=self.task,
+            fitness=float(archive.column("fitness")[index]),
+            success=float(archive.column("success")[index]),
+            generation=int(archive.column("generations")[index]),
+            evaluation_seed=tuple(number for number in seed if number >= 0),
+            runs=self.runs,
+            sampling=self.sampling,
+        )
+
+    def _missing(self, triple: tuple[int, int, int], *, possible: bool) -> str:
+        space, filled = self.archive.space, self.archive.features
+        reason = (
+            "is empty"
+            if possible
+            else f"cannot be: at least {space.min_sensors} sensors and {space.min_wheels} wheels, "
+            f"and sensors + wheels <= cells <= {space.max_cells}"
+        )
+        order = np.argsort(np.abs(filled - triple).sum(axis=1), kind="stable")
+        nearest = [tuple(row) for row in filled[order[:_NEAREST]].tolist()]
+        known = f"the nearest filled are {nearest}" if nearest else "the archive has no elites"
+        return f"(sensors, wheels, cells) = {triple} {reason}; {known}."
+
+    def save(self, path: Path) -> None:
+        """Write to one file, atomically; ``load_archive`` reads it without pickle."""
+        state = {
+            "task": asdict(self.task),
+            "runs": self.runs,
+            "sampling": asdict(self.sampling),
+            "archive": self.archive.state(),
+        }
+        write_state(path, state)
+
+
+def load_archive(path: str | Path) -> EliteArchive:
+    """Load an archive from a run's folder or from an archive's file.
+
+    Raises:
+        ConfigError: neither is there.
+        CheckpointError: the file is damaged, or holds something else.
+    """
+    path = run_file(
+        path,
+        ARCHIVE_FILE,
+        "give the folder of a run that has written a checkpoint, or an archive's file.",
+    )
+    state = read_state(path)
+    try:
+        task = TaskConfig(**state["task"])
+        loaded = EliteArchive(
+            task,
+            Archive.from_state(state["archive"]),
+            int(state["runs"]),
+            # Older archives name the mirroring alone, or have none.
+            ScenarioSampling(
+                **state.get("sampling", {"mirroring": state.get("mirroring", "none")})
+            ).check(),
+        )
+        expected = make_archive(task.checked())
+    except (TypeError, KeyError, ValueError) as error:
+        raise CheckpointError(f"{path} does not hold an archive: {error}") from error
+    if expected.space != loaded.archive.space or expected.dimension != loaded.archive.dimension:
+        raise CheckpointError(f"{path} holds an archive that does not fit its task {task.name}.")
+    return loaded
+
+
+def load_elite(path: str | Path, features: Sequence[int]) -> Elite:
+    """Load one elite: its NCA, body, genome, task and fitness.
+
+    Args:
+        path: a run's folder, or an archive's file.
+        features: number of sensors of all types, of wheels, and of occupied cells.
+
+    Raises:
+        EliteError: there is no such elite; the message names the nearest that there are.
+        ConfigError: there is no such file.
+        CheckpointError: the file is damaged, or holds something else.
+    """
+    return load_archive(path).elite(features)

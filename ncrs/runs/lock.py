@@ -1,0 +1,40 @@
+"""One writer per run: the lock on a run's folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from ncrs.runs.checkpoint import writing_into
+
+_LOCK_FILE = ".lock"
+
+
+class RunError(RuntimeError):
+    """A run that cannot be started or continued in the folder given."""
+
+
+@contextmanager
+def locked(run_dir: Path) -> Iterator[None]:
+    """Hold a run's folder, which is made if missing, against other processes.
+
+    Raises:
+        RunError: another process holds it.
+        CheckpointError: it cannot be written.
+    """
+    with writing_into(run_dir):
+        run_dir.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(run_dir / _LOCK_FILE)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout as error:
+            raise RunError(
+                f"Another process is writing to {run_dir}; wait for it, or use another folder."
+            ) from error
+    try:
+        yield
+    finally:
+        lock.release()

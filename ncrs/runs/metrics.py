@@ -1,0 +1,82 @@
+"""A run's curves as a table: ``metrics.csv``, one row per generation."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.runs.checkpoint import write_atomically
+from ncrs.runs.settings import ConfigError
+
+METRICS_FILE = "metrics.csv"
+GENERATION = "generation"
+
+
+def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
+    """Names of the columns, and the whole rows: a killed run may have left half a row."""
+    if not path.is_file():
+        return [], []
+    text = path.read_text(encoding="utf-8")
+    rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
+    if not rows:
+        return [], []
+    return rows[0], [row for row in rows[1:] if len(row) == len(rows[0])]
+
+
+class MetricsFile:
+    """Appends a row per generation; a metric that comes up later gets a column then.
+
+    Args:
+        folder: the run's.
+        start: first generation to come; rows from there on, of a run that is now resumed, are
+            dropped.
+    """
+
+    def __init__(self, folder: Path, start: int) -> None:
+        self._path = folder / METRICS_FILE
+        self._names, rows = _rows(self._path)
+        kept = [row for row in rows if row[0].isdigit() and int(row[0]) < start]
+        self._write([] if start == 0 else self._names, kept)
+
+    def _write(self, names: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        self._names = list(names) or [GENERATION]
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self._names)
+        writer.writerows([*row, *[""] * (len(self._names) - len(row))] for row in rows)
+        write_atomically(self._path, lambda stream: stream.write(text.getvalue().encode()))
+
+    def add(self, generation: int, metrics: Mapping[str, float]) -> None:
+        """Append one generation's values."""
+        new = [name for name in metrics if name not in self._names]
+        if new:
+            self._write([*self._names, *new], _rows(self._path)[1])
+        values = [str(generation), *(_text(metrics.get(name)) for name in self._names[1:])]
+        with self._path.open("a", encoding="utf-8") as stream:
+            stream.write(",".join(values) + "\n")
+
+
+def _text(value: float | None) -> str:
+    return "" if value is None else repr(float(value))
+
+
+def read_metrics(run_dir: Path) -> dict[str, NDArray[np.float64]]:
+    """The columns of a run's table, each ``(generations,)``; NaN where a metric was not taken.
+
+    Raises:
+        ConfigError: the run has no table, or it is not one.
+    """
+    path = run_dir / METRICS_FILE
+    names, rows = _rows(path)
+    if not rows or names[0] != GENERATION:
+        raise ConfigError(f"{path} holds no generation: the run has not finished one, or is older.")
+    try:
+        table = np.array([[float(value or "nan") for value in row] for row in rows])
+    except ValueError as error:
+        raise ConfigError(f"{path} is no table of numbers: {error}.") from error
+    return dict(zip(names, table.T, strict=True))

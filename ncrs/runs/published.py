@@ -1,0 +1,120 @@
+"""The robots that come with the package: the best of each published run, ready to drive."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from ncrs.runs.champion import Champion, load_champion_file
+from ncrs.runs.checkpoint import CheckpointError
+from ncrs.runs.settings import ConfigError
+
+CHAMPION_SUFFIX, CARD_SUFFIX, PICTURE_SUFFIX = ".npz", ".json", ".png"
+CHECKOUT_FOLDER = Path(__file__).parents[2] / "assets" / "champions"
+_INSTALLED = "share/ncrs/champions"
+
+
+class ChampionError(LookupError, ValueError):
+    """No champion of that name comes with the package."""
+
+
+@dataclass(frozen=True)
+class PublishedChampion(Champion):
+    """A champion with the record of where it came from and how it was tested."""
+
+    name: str = ""
+    """Task and recipe, such as "light_chase/best"."""
+    card: dict[str, Any] | None = None
+    """The record: the "commands" that trained it, one after the other, the "config" of the last,
+    "generations", "evaluations" and "env_steps" of all; the "generation" and "source" of the
+    genome, as in ``Champion``; under "tests" the result on 1,000 fresh episodes on each engine, see
+    ``ncrs.runs.assessment.Assessment``; and statistics of the run's "archive", see
+    ``ncrs.evolution.archive.Archive.statistics``."""
+
+
+def file_stem(name: str) -> str:
+    """Name of a champion's files without suffix: "light_chase/best" is light_chase-best."""
+    return name.replace("/", "-")
+
+
+def champions_folder() -> Path:
+    """Where the champions' files are: in the checkout, or where the package was installed.
+
+    Raises:
+        ChampionError: neither has any: the installation is not whole.
+    """
+    if CHECKOUT_FOLDER.is_dir():
+        return CHECKOUT_FOLDER
+    # Only the installer knows where its data files went.
+    try:
+        files = metadata.files("ncrs") or ()
+    except metadata.PackageNotFoundError:
+        files = ()
+    for file in files:
+        if file.as_posix().rpartition("/")[0].endswith(_INSTALLED):
+            return Path(str(file.locate())).parent
+    raise ChampionError("This installation of ncrs has no champions; install it again.")
+
+
+def champion_file(name: str) -> Path:
+    """The file of a champion that ``champions()`` lists."""
+    return champions_folder() / f"{file_stem(name)}{CHAMPION_SUFFIX}"
+
+
+def champions() -> list[str]:
+    """Names that ``load_champion`` takes, in alphabetical order."""
+    paths = champions_folder().glob(f"*{CARD_SUFFIX}")
+    whole = [path.stem for path in paths if path.with_suffix(CHAMPION_SUFFIX).is_file()]
+    return sorted(stem.replace("-", "/") for stem in whole)
+
+
+def champion_path(source: Path) -> Path:
+    """The path itself; or, if there is none, the file of the published champion that it names."""
+    name = source.as_posix()
+    return source if source.exists() or name not in champions() else champion_file(name)
+
+
+def load_any_champion(source: str) -> Champion:
+    """The champion of a run's folder or of a champion's file; or, if there is no such path, the one
+    of that name in the package.
+
+    Raises:
+        ConfigError: there is none.
+        CheckpointError: its file is damaged.
+        ChampionError: there is no such path, and the installation has no champions.
+    """
+    path = champion_path(Path(source))
+    if not path.exists():
+        raise ConfigError(f"{source} does not exist. {_no_such(source)}")
+    return load_champion_file(path)
+
+
+def _no_such(name: str) -> str:
+    return f"There is no champion {name!r}; there are {champions()}."
+
+
+def load_champion(name: str) -> PublishedChampion:
+    """Load a champion that comes with the package.
+
+    Args:
+        name: task and recipe, such as "light_chase/best"; ``champions()`` lists all.
+
+    Returns:
+        Its ``nca``, ``body``, ``genome``, ``task``, and the ``card`` with its tests.
+
+    Raises:
+        ChampionError: there is none of that name.
+        CheckpointError: its files are damaged.
+    """
+    if name not in champions():
+        raise ChampionError(_no_such(name))
+    file = champion_file(name)
+    champion = load_champion_file(file)
+    try:
+        card = json.loads(file.with_suffix(CARD_SUFFIX).read_text())
+    except ValueError as error:
+        raise CheckpointError(f"The card of {name} is not valid JSON: {error}.") from error
+    return PublishedChampion(**vars(champion), name=name, card=card)

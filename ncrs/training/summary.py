@@ -1,0 +1,73 @@
+"""What a run tells people when it ends."""
+
+from __future__ import annotations
+
+import signal
+
+from ncrs.runs.assessment import EPISODES, REFERENCE_ENGINE, assess
+from ncrs.runs.settings import TrainConfig
+from ncrs.training.trainer import TrainingResult
+from ncrs_envs.body import body_features, body_to_characters
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes} min"
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+def _effort(result: TrainingResult) -> str:
+    return (
+        f"{result.generation} generations, {result.evaluations:,} evaluations, "
+        f"{result.env_steps:,} environment steps in {_duration(result.seconds)}"
+    )
+
+
+def exit_code(stopped_by: signal.Signals) -> int:
+    """The shell's code for a process that a signal ended."""
+    return 128 + stopped_by
+
+
+def stopped_lines(result: TrainingResult) -> list[str]:
+    """For a run that a signal ended."""
+    assert result.stopped_by is not None
+    return [
+        f"Stopped by {result.stopped_by.name} after {_effort(result)}. All is saved; go on with:",
+        f"  python train.py resume={result.run_dir}",
+    ]
+
+
+def finished_lines(result: TrainingResult, config: TrainConfig) -> list[str]:
+    """For a run that finished: what it found, where it is, and what to try next."""
+    lines = [f"Finished {_effort(result)}.", ""]
+    champion = result.champion
+    if champion is None:
+        lines.append("No genome grew a body that the task can use; try more generations.")
+    else:
+        sensors, wheels, cells = body_features(champion.body).tolist()
+        assessment = assess(champion)
+        lines += [
+            f"Champion, from generation {champion.generation} ({champion.source}): "
+            f"{cells} cells, {wheels} wheels, {sensors} sensors",
+            *("  " + " ".join(row) for row in body_to_characters(champion.body).splitlines()),
+            "  (. empty  # tissue  L light or ball sensor  T target sensor  W wheel)",
+            f"On {EPISODES} fresh episodes, on {REFERENCE_ENGINE}:",
+            *("  " + line for line in assessment.lines()),
+        ]
+    lines.append(
+        f"Archive: an elite for {result.filled:,} of {result.triples:,} combinations of sensors, "
+        "wheels and cells"
+    )
+    longer = 2 * config.generations
+    return [
+        *lines,
+        "",
+        f"Everything is in {result.run_dir}",
+        "Next:",
+        f"  ncrs render {result.run_dir}",
+        f"  ncrs evaluate {result.run_dir}",
+        f"  python train.py resume={result.run_dir} generations={longer}",
+        f"  tensorboard --logdir {result.run_dir.parent}",
+    ]

@@ -1,0 +1,245 @@
+"""What TensorBoard shows beside the curves: pictures, histograms, settings, layout.
+
+Drawing is paid from a budget: each kind of picture may take a fixed share of the run's time, so
+that slow machines and fast generations get fewer pictures, not slower runs. What is drawn never
+changes what a run computes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from tensorboard.compat.proto.summary_pb2 import Summary
+from torch.utils.tensorboard import SummaryWriter
+from torch.utils.tensorboard.summary import hparams
+
+from ncrs.evolution.archive import Archive
+from ncrs.runs.champion import Champion
+from ncrs.runs.settings import TrainConfig
+from ncrs.viz.archive_grid import archive_grid
+from ncrs.viz.pictures import encode_animation, growth_and_episode
+from ncrs.viz.stills import heatmaps, strip
+from ncrs_envs.rendering import draw_body
+
+HISTOGRAM_SHARE = 0.002
+STILLS_SHARE = 0.003
+ANIMATION_SHARE = 0.005
+"""Shares of a run's time; together with the curves they stay under 2 %."""
+_HISTOGRAM_SECONDS, _STILLS_SECONDS, _ANIMATION_SECONDS = 0.01, 0.2, 1.5
+"""What each is taken to cost before it was measured."""
+_LONG_RUN_SECONDS = 60.0
+"""A run of at least this length ends with an animation of its champion, whatever the share."""
+_BODY_PIXELS = 160
+_ANIMATION_PIXELS = 160
+_STRIP_BODIES = 10
+RESULTS = (
+    "champion/fitness", "champion/success", "fitness/best_so_far", "archive/qd_score",
+    "archive/filled_share",
+)  # fmt: skip
+"""Curves whose last values stand beside the settings in the HPARAMS tab."""
+
+LAYOUT: Mapping[str, Mapping[str, list[Any]]] = {
+    "Run": {
+        "fitness": ["Multiline", ["^fitness/(best|mean|median|best_so_far)$", "champion/fitness"]],
+        "success": ["Multiline", ["success/best", "success/mean", "champion/success"]],
+        "QD-score": ["Multiline", ["^archive/qd_score$", "^archive/filled_share$"]],
+    },
+    "Search": {
+        "optimizer": ["Multiline", ["optimizer/sigma", "optimizer/condition_number"]],
+        "archive": ["Multiline", ["^archive/(new|improved)$"]],
+        "bodies": ["Multiline", ["bodies/valid"]],
+    },
+    "Time": {
+        "seconds": ["Multiline", ["^time/"]],
+        "environment steps per second": ["Multiline", ["speed/env_steps_per_s"]],
+    },
+}
+"""Charts of the CUSTOM SCALARS tab, by heading: tags, or patterns of tags."""
+
+
+class Budget:
+    """Allows work as long as it has taken no more than a share of the time.
+
+    Args:
+        share: of the time since this was made.
+        expected: seconds that the first piece of work is taken to cost.
+        clock: seconds from any start.
+    """
+
+    def __init__(
+        self, share: float, expected: float, clock: Callable[[], float] = perf_counter
+    ) -> None:
+        self._share, self._expected, self._clock = share, expected, clock
+        self._start, self._spent = clock(), 0.0
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since this was made."""
+        return self._clock() - self._start
+
+    def run(self, work: Callable[[], None], *, at_any_cost: bool = False) -> bool:
+        """Do the work if its expected cost is within the share; returns whether it was done."""
+        start = self._clock()
+        affordable = self._spent + self._expected <= self._share * (start - self._start)
+        if not (affordable or at_any_cost):
+            return False
+        work()
+        self._expected = self._clock() - start
+        self._spent += self._expected
+        return True
+
+
+class RunPictures:
+    """Pictures and histograms of one run.
+
+    Args:
+        writer: the run's.
+        clock: seconds from any start; decides when there is time to draw.
+    """
+
+    def __init__(self, writer: SummaryWriter, clock: Callable[[], float] = perf_counter) -> None:
+        self._writer = writer
+        self._histograms = Budget(HISTOGRAM_SHARE, _HISTOGRAM_SECONDS, clock)
+        self._stills = Budget(STILLS_SHARE, _STILLS_SECONDS, clock)
+        self._animation = Budget(ANIMATION_SHARE, _ANIMATION_SECONDS, clock)
+        self._champion: Champion | None = None
+        self._undrawn: Champion | None = None
+        self._unmoved: Champion | None = None
+
+    def champion(self, champion: Champion) -> None:
+        """Remember the champion; one that is new is drawn with the next generation."""
+        if champion is not self._champion:
+            self._champion = self._undrawn = self._unmoved = champion
+
+    def generation(
+        self,
+        index: int,
+        fitness: NDArray[np.float64],
+        genomes: NDArray[np.floating],
+        archive: Archive,
+        *,
+        last: bool,
+    ) -> None:
+        """Draw what there is time for.
+
+        Args:
+            index: the generation's number.
+            fitness: ``(P,)``; NaN is left out.
+            genomes: ``(P, N)``.
+            archive: after this generation.
+            last: draw the stills, and after a long run the animation, whatever the time.
+        """
+        if self._undrawn is not None:
+            body = draw_body(self._undrawn.body, _BODY_PIXELS)
+            self._writer.add_image("champion/body", body, index, dataformats="HWC")
+            self._undrawn = None
+        self._histograms.run(lambda: self._add_histograms(index, fitness, genomes, archive))
+        if len(archive):
+            self._stills.run(lambda: self._add_archive(index, archive), at_any_cost=last)
+        if self._unmoved is not None:
+            champion = self._unmoved
+            at_the_end = last and self._animation.elapsed >= _LONG_RUN_SECONDS
+            if self._animation.run(
+                lambda: self._add_animation(index, champion), at_any_cost=at_the_end
+            ):
+                self._unmoved = None
+
+    def _add_histograms(
+        self,
+        index: int,
+        fitness: NDArray[np.float64],
+        genomes: NDArray[np.floating],
+        archive: Archive,
+    ) -> None:
+        self._writer.add_histogram("population/fitness", fitness[np.isfinite(fitness)], index)
+        self._writer.add_histogram("population/best_genome", genomes[np.nanargmax(fitness)], index)
+        if len(archive):
+            self._writer.add_histogram("elites/fitness", archive.column("fitness"), index)
+
+    def _add_archive(self, index: int, archive: Archive) -> None:
+        fitness, features = archive.column("fitness"), archive.features
+        grid = archive_grid(features, fitness, archive.space.triples)
+        panels = heatmaps(grid, float(fitness.min()), float(fitness.max()))
+        self._writer.add_image("elites/archive", panels, index, dataformats="HWC")
+        chosen = spread(features, fitness, _STRIP_BODIES)
+        captions = [f"{fitness[row]:.3f}\n{features[row, 2]} cells" for row in chosen]
+        bodies = strip(archive.column("bodies")[chosen], captions)
+        self._writer.add_image("elites/bodies", bodies, index, dataformats="HWC")
+
+    def _add_animation(self, index: int, champion: Champion) -> None:
+        frames, durations = growth_and_episode(champion, _ANIMATION_PIXELS)
+        add_encoded_image(
+            self._writer,
+            "champion/growth_and_episode",
+            encode_animation(frames, durations),
+            frames[0].shape[:2],
+            index,
+        )
+
+
+def spread(
+    features: NDArray[np.integer], fitness: NDArray[np.floating], count: int
+) -> NDArray[np.int64]:
+    """Rows of at most ``count`` elites from few cells to many: the fittest of each size range."""
+    order = np.argsort(features[:, 2], kind="stable")
+    groups = np.array_split(order, min(count, len(order)))
+    return np.array([group[np.argmax(fitness[group])] for group in groups], dtype=np.int64)
+
+
+def add_curves(writer: SummaryWriter, values: Mapping[str, float], index: int) -> None:
+    """Add a value to each curve, all in one event: a tenth of the time of one event each."""
+    points = [Summary.Value(tag=tag, simple_value=value) for tag, value in values.items()]
+    _file_writer(writer).add_summary(Summary(value=points), index)
+
+
+def add_encoded_image(
+    writer: SummaryWriter, tag: str, data: bytes, shape: tuple[int, ...], index: int
+) -> None:
+    """Add a picture that is encoded already (PNG, GIF), animated or not.
+
+    Args:
+        writer: where to.
+        tag: its name.
+        data: the encoded picture.
+        shape: height and width.
+        index: generation.
+    """
+    image = Summary.Image(height=shape[0], width=shape[1], colorspace=3, encoded_image_string=data)
+    _file_writer(writer).add_summary(Summary(value=[Summary.Value(tag=tag, image=image)]), index)
+
+
+def add_settings(writer: SummaryWriter, config: TrainConfig) -> None:
+    """Add the settings as hyperparameters of this very run (not of a sub-folder), and the layout.
+
+    ``SummaryWriter.add_hparams`` would make a run of its own for them.
+    """
+    settings = {name: value for name, value in _flat(asdict(config)) if value is not None}
+    experiment, session, _ = hparams(settings, dict.fromkeys(RESULTS, 0.0))  # type: ignore[no-untyped-call]
+    for summary in (experiment, session):
+        _file_writer(writer).add_summary(summary)
+    writer.add_custom_scalars(LAYOUT)
+
+
+def add_end(writer: SummaryWriter) -> None:
+    """Say that the run has finished."""
+    end = hparams({}, {})[2]  # type: ignore[no-untyped-call]
+    _file_writer(writer).add_summary(end)
+
+
+def _file_writer(writer: SummaryWriter) -> Any:
+    return writer._get_file_writer()  # type: ignore[no-untyped-call]
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    pairs: list[tuple[str, Any]] = []
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            pairs += _flat(value, f"{prefix}{key}.")
+        else:
+            pairs.append((prefix + key, value))
+    return pairs

@@ -1,0 +1,129 @@
+"""Pictures of a robot: its body and its growth as PNGs, an episode as an animated GIF."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ncrs.runs.champion import Champion
+from ncrs.viz.recording import record_episodes, record_growth
+from ncrs_envs.rendering import MIN_RENDER_SIZE, check_render_size, draw_body, draw_scene
+from ncrs_envs.tasks import REGIONS
+
+BODY_FILE = "body.png"
+STORY_FILE = "growth_and_episodes.png"
+EPISODES_FILE = "episodes.gif"
+DEFAULT_SIZE = 400
+_STEPS_PER_FRAME = 2
+_FRAME_MS = 40
+"""Two steps of 20 ms: real time."""
+_LAST_FRAME_MS = 1500
+_GROWTH_FRAME_MS = 200
+_COLORS = 128
+_BODIES = 10
+
+Frame = NDArray[np.uint8]
+
+
+def episode_frames(
+    champion: Champion, *, episodes: int = 1, seed: int = 0, size: int = DEFAULT_SIZE
+) -> list[list[Frame]]:
+    """Drive the champion through Box2D episodes and draw every second step.
+
+    Args:
+        champion: genome, body and task.
+        episodes: how many; regions take turns.
+        seed: of the episodes.
+        size: side of a frame in pixels.
+
+    Returns:
+        For each episode RGB frames, uint8 ``(size, size, 3)``, from the start to the end.
+
+    Raises:
+        RenderError: a size that cannot be drawn.
+    """
+    check_render_size(size)
+    drawn = []
+    for recording in record_episodes(champion, episodes, seed):
+        last = len(recording.scenes) - 1
+        drawn.append(
+            [
+                draw_scene(scene, size)
+                for step, scene in enumerate(recording.scenes)
+                if step % _STEPS_PER_FRAME == 0 or step == last
+            ]
+        )
+    return drawn
+
+
+def encode_animation(frames: Sequence[Frame], durations: Sequence[int]) -> bytes:
+    """Frames as a GIF that repeats; ``durations`` in milliseconds, one per frame."""
+    images = [Image.fromarray(frame).quantize(_COLORS) for frame in frames]
+    stream = io.BytesIO()
+    images[0].save(
+        stream,
+        format="GIF",
+        save_all=True,
+        append_images=images[1:],
+        duration=list(durations),
+        loop=0,
+    )
+    return stream.getvalue()
+
+
+def _durations(episode: Sequence[Frame]) -> list[int]:
+    """Real time, pausing on the last frame."""
+    return [_FRAME_MS] * (len(episode) - 1) + [_LAST_FRAME_MS]
+
+
+def growth_and_episode(champion: Champion, size: int) -> tuple[list[Frame], list[int]]:
+    """Frames of the growth and of one episode, and how long to show each, in milliseconds."""
+    bodies = [draw_body(body, size) for body in record_growth(champion).bodies]
+    episode = episode_frames(champion, size=size)[0]
+    return bodies + episode, [_GROWTH_FRAME_MS] * len(bodies) + _durations(episode)
+
+
+def story(champion: Champion, ends: Sequence[Frame]) -> Frame:
+    """Growth from the seed cell above, the ends of episodes below, each from left to right.
+
+    Args:
+        champion: whose growth is shown.
+        ends: last frame of each episode, E times RGB, uint8 ``(size, size, 3)``.
+
+    Returns:
+        RGB, uint8 ``(height, E * size, 3)``.
+    """
+    grown = record_growth(champion).bodies
+    steps = np.linspace(0, len(grown) - 1, min(_BODIES, len(grown))).round().astype(int)
+    bodies = grown[steps]
+    below = np.concatenate(ends, axis=1)
+    width = below.shape[1]
+    side = width // len(bodies)
+    above = np.empty((side, width, 3), dtype=np.uint8)
+    above[:] = below[0, 0]
+    left = (width - side * len(bodies)) // 2
+    for index, body in enumerate(bodies):
+        start = left + index * side
+        above[:, start : start + side] = draw_body(body, max(side, MIN_RENDER_SIZE))[:side, :side]
+    return np.concatenate([above, below], axis=0)
+
+
+def save_pictures(
+    champion: Champion, folder: Path, *, seed: int = 0, size: int = DEFAULT_SIZE
+) -> list[Path]:
+    """Draw body, growth and an episode in each region into a folder; returns the files' paths."""
+    body_path, story_path, episodes_path = (
+        folder / name for name in (BODY_FILE, STORY_FILE, EPISODES_FILE)
+    )
+    episodes = episode_frames(champion, episodes=REGIONS, seed=seed, size=size)
+    Image.fromarray(draw_body(champion.body, size)).save(body_path)
+    Image.fromarray(story(champion, [episode[-1] for episode in episodes])).save(story_path)
+    frames = [frame for episode in episodes for frame in episode]
+    durations = [duration for episode in episodes for duration in _durations(episode)]
+    episodes_path.write_bytes(encode_animation(frames, durations))
+    return [body_path, story_path, episodes_path]

@@ -1,0 +1,356 @@
+"""CMA-ES: that it is CMA-ES, and that its state is complete."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+import torch
+
+from benchmarks.optimizers import FUNCTIONS, PlainPycma, Search, compare, is_elsewhere, search
+from ncrs.evolution.archive import Archive, FeatureSpace
+from ncrs.evolution.optimizers import OptimizerError, make_optimizer
+from ncrs.evolution.optimizers.cma_es import CMAES, IsotropicCMAES
+from ncrs.runs.checkpoint import read_state, write_state
+
+FULL, DIAGONAL = "cma_es", "sep_cma_es"
+VARIANTS = [
+    (name, told, step_size)
+    for name in (FULL, DIAGONAL)
+    for told in (True, False)
+    for step_size in ("csa", "tpa")
+]
+OTHER_VARIANTS = [
+    (FULL, {"precision": "float64"}),
+    (FULL, {"linear_algebra": "pycma"}),
+    (FULL, {"restart_sigma": 0.095}),
+    (FULL, {"restart_sigma": 0.095, "restart_from": "best", "step_size": "tpa"}),
+    (DIAGONAL, {"restart_sigma": 0.095, "restart_from": "best"}),
+    (DIAGONAL, {"step_size": "decay", "sigma_decay": 0.9, "restart_sigma": 0.02}),
+]
+
+
+@pytest.fixture(autouse=True)
+def _one_torch_thread():
+    """At this size threads wait for each other longer than they compute."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def make(name="cma_es", told=True, step_size="csa", dimension=30, seed=3, **settings):
+    settings = {"population": 20, "sigma": 0.1, **settings}
+    return make_optimizer(
+        name,
+        dimension,
+        np.random.SeedSequence(seed),
+        told_popsize=told,
+        step_size=step_size,
+        **settings,
+    )
+
+
+def make_isotropic(dimension=30, seed=3, **settings):
+    settings = {"population": 20, "sigma": 0.1, **settings}
+    return IsotropicCMAES(dimension, np.random.SeedSequence(seed), **settings)
+
+
+def ellipsoid(population):
+    weights = 10.0 ** np.linspace(0, 2, population.shape[1])
+    return -((population - 0.3) ** 2 * weights).sum(axis=1)
+
+
+def advance(optimizer, generations):
+    for _ in range(generations):
+        optimizer.tell(ellipsoid(optimizer.ask()))
+
+
+@pytest.mark.parametrize(("name", "told", "step_size"), VARIANTS)
+def test_it_maximises(name, told, step_size):
+    optimizer = make(name, told, step_size)
+    start = ellipsoid(optimizer.mean[None])[0]
+    advance(optimizer, 150)
+    assert ellipsoid(optimizer.mean[None])[0] > 0.01 * start  # fitness is negative
+
+
+@pytest.mark.parametrize("pending", [False, True])
+@pytest.mark.parametrize(("name", "told", "step_size"), VARIANTS)
+def test_a_saved_state_goes_on_bit_for_bit(name, told, step_size, pending, tmp_path):
+    assert_resumes(make(name, told, step_size), make(name, told, step_size), pending, tmp_path)
+
+
+@pytest.mark.parametrize("pending", [False, True])
+@pytest.mark.parametrize(("name", "settings"), OTHER_VARIANTS)
+def test_any_saved_state_goes_on_bit_for_bit(name, settings, pending, tmp_path):
+    optimizer = make(name, **settings)
+    assert_resumes(optimizer, make(name, **settings), pending, tmp_path)
+    if "restart_sigma" in settings:
+        assert optimizer.metrics()["restarts"] > 0
+
+
+@pytest.mark.parametrize("name", [FULL, DIAGONAL])
+def test_a_schedule_decides_the_step_size(name):
+    optimizer = make(name, step_size="decay", sigma_decay=0.5, sigma_least=0.02)
+    sigmas = []
+    for _ in range(4):
+        sigmas.append(optimizer.sigma)
+        advance(optimizer, 1)
+    np.testing.assert_allclose(sigmas, [0.1, 0.05, 0.025, 0.02])
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"sigma_decay": 0.9}, "step_size=csa has no schedule: leave out sigma_decay"),
+        ({"step_size": "decay", "sigma_decay": 1.1}, "sigma_decay must lie in"),
+        ({"step_size": "decay", "sigma_least": 0.2}, "at most sigma"),
+        ({"step_size": "decay", "sigma_least": 0.05, "restart_sigma": 0.05}, "must exceed"),
+    ],
+)
+def test_a_schedule_that_cannot_be_meant_is_refused(settings, message):
+    with pytest.raises(OptimizerError, match=message):
+        make(**settings)
+
+
+@pytest.mark.parametrize("pending", [False, True])
+@pytest.mark.parametrize("step_size", ["csa", "tpa", "decay"])
+def test_a_saved_isotropic_state_goes_on_bit_for_bit(step_size, pending, tmp_path):
+    assert_resumes(
+        make_isotropic(step_size=step_size), make_isotropic(step_size=step_size), pending, tmp_path
+    )
+
+
+def assert_resumes(optimizer, fresh, pending, tmp_path):
+    advance(optimizer, 25)
+    if pending:
+        optimizer.ask()
+    write_state(tmp_path / "state.npz", optimizer.state())
+    if pending:
+        optimizer.tell(ellipsoid(optimizer._asked))
+    fresh.load_state(read_state(tmp_path / "state.npz"))
+    advance(optimizer, 30 - pending)
+    advance(fresh, 30)
+    np.testing.assert_array_equal(optimizer.ask(), fresh.ask())
+    assert optimizer.metrics() == fresh.metrics()
+
+
+def test_it_samples_as_plain_pycma_does():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import cma
+    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(3)))
+    plain = cma.CMAEvolutionStrategy(
+        np.zeros(30),
+        0.1,
+        {
+            "popsize": 20,
+            "seed": float("nan"),
+            "randn": lambda *shape: generator.standard_normal(shape),
+            "AdaptSigma": cma.sigma_adaptation.CMAAdaptSigmaCSA,
+            "verbose": -9,
+        },
+    )
+    optimizer = make(linear_algebra="pycma")
+    for _ in range(20):
+        population = optimizer.ask()
+        np.testing.assert_array_equal(population, np.array(plain.ask()))
+        fitness = ellipsoid(population)
+        optimizer.tell(fitness)
+        plain.tell(list(population), list(-fitness))
+    assert optimizer.sigma == plain.sigma
+
+
+def test_the_untold_population_recombines_fewer_parents():
+    size = {"dimension": 4572, "population": 112}
+    # Telling pycma gives mu = lambda / 2; not telling gives lambda = 4 + 3 ln N = 29, mu = 14.
+    assert make("sep_cma_es", True, **size)._es.sp.weights.mu == 56
+    assert make("sep_cma_es", False, **size)._es.sp.weights.mu == 14
+
+
+def test_one_seed_one_run_and_numpys_generator_is_left_alone():
+    before = np.random.get_state()[1].copy()  # noqa: NPY002
+    populations = [make(seed=seed).ask() for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(populations[0], populations[1])
+    assert np.abs(populations[0] - populations[2]).max() > 0
+    np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+
+
+@pytest.mark.parametrize("function", list(FUNCTIONS))
+def test_it_is_still_cma_es(function):
+    # The turning of the Cholesky factor must not upset the step size.
+    row = compare(function, dimension=6, seeds=5, precision="float32")
+    assert row["ours_elsewhere"] <= 2
+    assert row["pycma_elsewhere"] <= 2
+    assert 0.85 < row["ratio"] < 1.15
+
+
+def test_it_is_still_cma_es_when_the_factor_is_renewed_as_rarely_as_at_the_papers_size():
+    gap, medians = 7.8, []
+
+    def ours(dimension, seed, population):
+        optimizer = CMAES(dimension, np.random.SeedSequence(seed), sigma=0.3, population=population)
+        optimizer._es.sm.lazy_update_gap = gap
+        return optimizer
+
+    def plain(dimension, seed, population):
+        optimizer = PlainPycma(dimension, seed, population)
+        optimizer._es.sm.lazy_update_gap = gap
+        return optimizer
+
+    for make_one in (ours, plain):
+        runs = [search(make_one, FUNCTIONS["ellipsoid"], 10, seed, 40_000) for seed in range(5)]
+        medians.append(np.median([run.evaluations for run in runs]))
+    assert 0.85 < medians[0] / medians[1] < 1.15
+
+
+def test_converging_elsewhere_is_not_reaching_the_target():
+    def ours(dimension, seed, population):
+        return CMAES(dimension, np.random.SeedSequence(seed), sigma=0.3, population=population)
+
+    asked = []
+
+    def displaced(x):
+        asked.append(len(x))
+        return FUNCTIONS["sphere"](x) + 4.0
+
+    missed = search(ours, displaced, 6, seed=0, budget=60_000)
+    assert missed.evaluations == math.inf
+    np.testing.assert_allclose(missed.best, 1.0, atol=1e-3)
+    assert sum(asked) < 30_000  # it saw so before the budget was spent
+    assert not is_elsewhere("sphere", missed)
+    other = Search(math.inf, np.array([-1.0, 1.0]))
+    assert is_elsewhere("rosenbrock", other)
+    assert not is_elsewhere("rosenbrock", Search(900.0, np.ones(2)))
+
+
+def test_the_isotropic_control_learns_no_covariance():
+    optimizer = make_isotropic()
+    start = ellipsoid(optimizer.mean[None])[0]
+    advance(optimizer, 60)
+    assert optimizer.metrics() == {"sigma": optimizer.sigma, "condition_number": 1.0}
+    np.testing.assert_array_equal(optimizer._es.sigma_vec.scaling, np.ones(30))
+    assert ellipsoid(optimizer.mean[None])[0] > 0.1 * start  # fitness is negative
+
+
+@pytest.mark.parametrize("source", ["mean", "best", "elite"])
+@pytest.mark.parametrize("kind", [FULL, DIAGONAL, "iso_cma_es"])
+def test_a_collapsed_sigma_restarts_the_search(kind, source):
+    settings = {"restart_sigma": 0.09, "restart_from": source}
+    optimizer = make_isotropic(**settings) if kind == "iso_cma_es" else make(kind, **settings)
+    best_genome, best_fitness = None, -np.inf
+    archive = Archive(FeatureSpace(1, 2, 9), 30, grid_size=3)
+    elites = np.arange(60.0).reshape(2, 30)
+    archive.add(elites, np.array([0.7, 0.2]), np.array([[1, 2, 3], [1, 2, 4]]), np.zeros((2, 3, 3)))
+    optimizer.attach(archive)
+    while optimizer.metrics()["restarts"] == 0:
+        population = optimizer.ask()
+        fitness = -np.abs(population).sum(axis=1)  # the mean is best: sigma shrinks
+        if fitness.max() > best_fitness:
+            best_genome, best_fitness = population[fitness.argmax()], fitness.max()
+        recombined = (
+            optimizer._es.sp.weights.positive_weights @ population[np.argsort(-fitness)][:10]
+        )
+        optimizer.tell(fitness)
+    expected = {"best": best_genome, "mean": recombined, "elite": elites[0]}[source]
+    np.testing.assert_allclose(optimizer.mean, expected, atol=1e-12)
+    assert optimizer.sigma == 0.1
+    assert optimizer.metrics()["condition_number"] == 1.0
+    deviation = (optimizer.ask() - expected).std()
+    assert deviation == pytest.approx(0.1, rel=0.15)
+
+
+def test_restarts_from_elites_need_an_archive():
+    optimizer = make(restart_sigma=0.09, restart_from="elite")
+    with pytest.raises(OptimizerError, match="needs an archive"):
+        optimizer.ask()
+    with pytest.raises(OptimizerError, match="have 31 weights, this optimizer's 30"):
+        optimizer.attach(Archive(FeatureSpace(1, 2, 9), 31, grid_size=3))
+
+
+def test_without_restart_sigma_nothing_restarts():
+    optimizer = make()
+    advance(optimizer, 200)
+    assert optimizer.sigma < 0.05
+    assert "restarts" not in optimizer.metrics()
+
+
+def test_nan_ranks_worst():
+    one, other = make(), make()
+    fitness = ellipsoid(one.ask())
+    other.ask()
+    with_nan = fitness.copy()
+    with_nan[4] = np.nan
+    fitness[4] = -1e9
+    one.tell(fitness)
+    other.tell(with_nan)
+    np.testing.assert_array_equal(one.mean, other.mean)
+
+
+@pytest.mark.parametrize(
+    ("fitness", "message"),
+    [
+        (np.zeros(19), r"20 fitness values.*\(19,\)"),
+        (np.full(20, np.nan), "All 20"),
+        (np.where(np.arange(20) == 3, np.inf, 0.0), r"infinite.*\[3\]"),
+    ],
+)
+def test_bad_fitness_leaves_the_state_untouched(fitness, message):
+    optimizer, twin = make(), make()
+    population = optimizer.ask()
+    twin.ask()
+    with pytest.raises(OptimizerError, match=message):
+        optimizer.tell(fitness)
+    optimizer.tell(ellipsoid(population))
+    twin.tell(ellipsoid(population))
+    np.testing.assert_array_equal(optimizer.ask(), twin.ask())
+
+
+def test_ask_and_tell_alternate():
+    optimizer = make()
+    with pytest.raises(OptimizerError, match="before ask"):
+        optimizer.tell(np.zeros(20))
+    optimizer.ask()
+    with pytest.raises(OptimizerError, match="called twice"):
+        optimizer.ask()
+
+
+def test_a_foreign_state_is_refused_with_both_values():
+    state = make().state()
+    for other, message in [
+        (make("sep_cma_es"), "diagonal"),
+        (make(dimension=31), "dimension is 30, this optimizer's is 31"),
+        (make(population=22), "'population': 20.*'population': 22"),
+        (make(precision="float64"), "'precision': 'float32'.*'precision': 'float64'"),
+        (make_isotropic(), "optimizer is 'cma_es', this optimizer's is 'iso_cma_es'"),
+    ]:
+        before = other.mean
+        with pytest.raises(OptimizerError, match=message):
+            other.load_state(state)
+        np.testing.assert_array_equal(other.mean, before)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"sigma": 0.0}, "sigma"),
+        ({"sigma": float("nan")}, "sigma"),
+        ({"population": 1}, "population"),
+        ({"step_size": "fixed"}, "csa"),
+        ({"restart_from": "worst"}, "best.*elite.*mean"),
+        ({"restart_sigma": -1.0}, "restart_sigma must be positive"),
+        ({"sigma": 0.1, "restart_sigma": 0.1}, "smaller than sigma"),
+        ({"linear_algebra": "numpy"}, "pycma.*torch"),
+        ({"linear_algebra": "pycma", "precision": "float32"}, "leave out precision"),
+        ({"diagonal": True, "linear_algebra": "torch", "device": "cpu"}, "linear_algebra, device"),
+        ({"told_popsize": False, "population": 5, "dimension": 4572}, "14 parents"),
+    ],
+)
+def test_bad_settings(settings, message):
+    with pytest.raises(OptimizerError, match=message):
+        CMAES(**{"dimension": 30, "seed": np.random.SeedSequence(0), **settings})
+
+
+def test_unknown_optimizer():
+    with pytest.raises(OptimizerError, match="sep_cma_es"):
+        make_optimizer("adam", 10, np.random.SeedSequence(0))

@@ -1,0 +1,183 @@
+"""The archive: which triples there are, who gets in, and what it reports."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from ncrs.evolution.archive import Archive, ArchiveError, FeatureSpace, Status
+from ncrs.runs.checkpoint import read_state, write_state
+
+SPACE = FeatureSpace(min_sensors=1, min_wheels=2, max_cells=9)
+DIMENSION = 4
+
+
+def make():
+    return Archive(SPACE, DIMENSION, grid_size=3)
+
+
+def offer(archive, features, fitness, genomes=None, **others):
+    count = len(fitness)
+    genomes = np.arange(count * DIMENSION).reshape(count, -1) if genomes is None else genomes
+    bodies = np.full((count, 3, 3), np.arange(count)[:, None, None], dtype=np.int8)
+    return archive.add(
+        genomes, np.asarray(fitness, dtype=float), np.array(features), bodies, **others
+    )
+
+
+@pytest.mark.parametrize(
+    ("sensors", "side", "count"), [(1, 5, 2300), (2, 5, 2024), (1, 3, 84), (1, 9, 85320)]
+)
+def test_number_of_possible_triples(sensors, side, count):
+    space = FeatureSpace(sensors, 2, side * side)
+    assert len(space.triples) == count
+    np.testing.assert_array_equal(space.cells(space.triples), np.arange(count))
+
+
+def test_the_triples_are_those_of_the_rule():
+    rule = [
+        (sensors, wheels, cells)
+        for sensors, wheels, cells in product(range(10), repeat=3)
+        if sensors >= 1 and wheels >= 2 and sensors + wheels <= cells <= 9
+    ]
+    assert [tuple(row) for row in SPACE.triples.tolist()] == rule
+    others = [row for row in product(range(-1, 12), repeat=3) if row not in set(rule)]
+    assert (SPACE.cells(np.array(others)) == -1).all()
+
+
+def test_a_genome_gets_in_if_it_is_new_or_better():
+    archive = make()
+    first = offer(archive, [(1, 2, 3), (1, 2, 4)], [0.5, 0.25])
+    assert first.status.tolist() == [Status.NEW, Status.NEW]
+    assert first.improvement.tolist() == [0.5, 0.25]
+    second = offer(archive, [(1, 2, 3), (1, 2, 4), (2, 2, 4)], [0.5, 0.375, 0.125], generation=7)
+    assert second.status.tolist() == [Status.NONE, Status.IMPROVED, Status.NEW]
+    assert second.improvement.tolist() == [0.0, 0.125, 0.125]
+    assert len(archive) == 3
+    assert archive.features.tolist() == [[1, 2, 3], [1, 2, 4], [2, 2, 4]]
+    assert archive.column("fitness").tolist() == [0.5, 0.375, 0.125]
+    assert archive.column("generations").tolist() == [0, 7, 7]
+    np.testing.assert_array_equal(archive.column("genomes")[0], [0, 1, 2, 3])
+    np.testing.assert_array_equal(archive.column("genomes")[1], [4, 5, 6, 7])
+    np.testing.assert_array_equal(archive.column("bodies")[:, 0, 0], [0, 1, 2])
+
+
+def test_genomes_are_offered_one_after_the_other():
+    added = offer(make(), [(1, 2, 3)] * 3, [0.25, 0.75, 0.5])
+    assert added.status.tolist() == [Status.NEW, Status.IMPROVED, Status.NONE]
+    assert added.improvement.tolist() == [0.25, 0.5, -0.25]
+
+
+def test_nan_and_invalid_bodies_never_enter():
+    archive = make()
+    added = offer(archive, [(1, 2, 3), (-1, -1, -1)], [np.nan, 0.9])
+    assert added.cells.tolist() == [-1, -1]
+    assert added.status.tolist() == [Status.NONE, Status.NONE]
+    assert np.isnan(added.improvement).all()
+    assert len(archive) == 0
+    assert archive.best_genome() is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"fitness": [0.5, np.inf]}, r"infinite.*\[1\]"),
+        ({"genomes": np.zeros((2, 5))}, r"genomes must have shape \(2, 4\), got \(2, 5\)"),
+        ({"features": [(1, 2, 3)]}, r"features must have shape \(2, 3\)"),
+    ],
+)
+def test_what_does_not_fit_is_refused_whole(change, message):
+    archive = make()
+    with pytest.raises(ArchiveError, match=message):
+        offer(archive, **{"features": [(1, 2, 3), (1, 2, 4)], "fitness": [0.5, 0.5], **change})
+    assert len(archive) == 0
+
+
+def test_statistics_use_both_denominators():
+    archive = make()
+    assert archive.statistics()["filled"] == 0.0
+    assert "best" not in archive.statistics()
+    offer(
+        archive,
+        [(1, 2, 3), (1, 2, 4), (1, 2, 5)],
+        [0.5, 0.25, 0.45],
+        success=np.array([1.0, 0.0, 0.5]),
+        standing_still=0.445,
+    )
+    statistics = archive.statistics()
+    expected = {
+        "filled": 3.0, "filled_share": 3 / 84, "filled_share_of_2024": 3 / 2024,
+        "qd_score": 1.2 / 84, "qd_score_of_2024": 1.2 / 2024, "best": 0.5, "mean": 0.4,
+        "beat_standing_still": 1.0, "succeed": 2.0,
+    }  # fmt: skip
+    assert statistics == pytest.approx(expected)
+
+
+def test_drawing_takes_elites_only_and_evenly():
+    archive = make()
+    with pytest.raises(ArchiveError, match="empty"):
+        archive.draw(np.random.default_rng(0), 1)
+    genomes = np.array([[1.0] * 4, [2.0] * 4, [3.0] * 4])
+    offer(archive, [(1, 2, 3), (3, 2, 6), (1, 2, 3)], [0.5, 0.25, 0.75], genomes)
+    drawn = archive.draw(np.random.default_rng(0), 4000)
+    assert drawn.dtype == np.float64
+    values, counts = np.unique(drawn[:, 0], return_counts=True)
+    assert values.tolist() == [2.0, 3.0]
+    assert abs(counts[0] - 2000) < 150  # 5 standard deviations are 158
+    np.testing.assert_array_equal(archive.best_genome(), [3.0] * 4)
+
+
+def test_new_estimates_replace_the_old_and_nan_leaves():
+    archive = make()
+    offer(archive, [(1, 2, 3), (1, 2, 4)], [0.9, 0.5], generation=3)
+    archive.replace_estimates(
+        np.array([0.4, np.nan]), np.array([0.25, 0.0]), 0.3, np.array([9, 4, 1, -1])
+    )
+    assert archive.features.tolist() == [[1, 2, 3]]
+    assert archive.column("fitness").tolist() == [0.4]
+    assert archive.column("success").tolist() == [0.25]
+    assert archive.column("standing_still").tolist() == [0.3]
+    assert archive.column("seeds").tolist() == [[9, 4, 1, -1]]
+    assert archive.column("generations").tolist() == [3]
+    seeds = np.zeros(4, dtype=np.int64)
+    for values, message in [
+        ((np.zeros(2), np.zeros(2), 0.0, seeds), r"fitness must have shape \(1,\)"),
+        ((np.zeros(1), np.zeros(1), 0.0, seeds[:3]), r"seeds must have shape \(1, 4\)"),
+        ((np.zeros(1), np.zeros(1), np.zeros(2), seeds), r"standing_still must have shape \(1,\)"),
+        ((np.full(1, np.inf), np.zeros(1), 0.0, seeds), "infinite"),
+    ]:
+        with pytest.raises(ArchiveError, match=message):
+            archive.replace_estimates(*values)
+    assert archive.column("fitness").tolist() == [0.4]
+
+
+def test_the_state_goes_through_a_file_unchanged(tmp_path):
+    archive = make()
+    generator = np.random.default_rng(1)
+    rows = SPACE.triples[generator.integers(84, size=40)]
+    offer(archive, rows, generator.random(40), generator.normal(size=(40, 4)))
+    write_state(tmp_path / "archive.npz", archive.state())
+    again = Archive.from_state(read_state(tmp_path / "archive.npz"))
+    other = make()
+    offer(other, [(7, 2, 9)], [5.0])  # what was there before must go
+    other.load_state(archive.state())
+    for copy in (again, other):
+        assert copy.space == SPACE
+        np.testing.assert_array_equal(copy.cells, archive.cells)
+        for name in ("genomes", "bodies", "fitness", "generations", "seeds"):
+            np.testing.assert_array_equal(copy.column(name), archive.column(name))
+
+
+def test_a_foreign_state_is_refused_and_changes_nothing():
+    archive = Archive(SPACE, 5, grid_size=3)
+    archive.add(np.zeros((1, 5)), np.array([0.5]), np.array([[1, 2, 3]]), np.zeros((1, 3, 3)))
+    with pytest.raises(ArchiveError, match="dimension is 4, expected 5"):
+        archive.load_state(make().state())
+    damaged = archive.state()
+    damaged["elites"]["fitness"] = np.array([np.nan])
+    with pytest.raises(ArchiveError, match="not finite"):
+        archive.load_state(damaged)
+    for cells in ([500], [-1], [0.0], [[0]], [0, 0]):
+        with pytest.raises(ArchiveError, match="its cells must be integers from 0 to 83"):
+            archive.load_state({**archive.state(), "cells": np.array(cells)})
+    assert archive.column("fitness").tolist() == [0.5]

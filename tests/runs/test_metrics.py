@@ -1,0 +1,42 @@
+"""The table of a run's curves."""
+
+import numpy as np
+import pytest
+
+from ncrs.runs.metrics import METRICS_FILE, MetricsFile, read_metrics
+from ncrs.runs.settings import ConfigError
+
+
+def test_rows_come_back_and_late_columns_are_nan_before(tmp_path):
+    table = MetricsFile(tmp_path, 0)
+    table.add(0, {"fitness/best": 0.1})
+    table.add(1, {"fitness/best": 0.2, "champion/fitness": 0.15})
+    table.add(2, {"champion/fitness": 1 / 3})
+    columns = read_metrics(tmp_path)
+    np.testing.assert_array_equal(columns["generation"], [0, 1, 2])
+    np.testing.assert_array_equal(columns["fitness/best"], [0.1, 0.2, np.nan])
+    np.testing.assert_array_equal(columns["champion/fitness"], [np.nan, 0.15, 1 / 3])
+
+
+def test_resuming_drops_what_comes_again_and_half_rows(tmp_path):
+    table = MetricsFile(tmp_path, 0)
+    for generation in range(5):
+        table.add(generation, {"a": generation, "b": 1.0})
+    with (tmp_path / METRICS_FILE).open("a") as stream:
+        stream.write("5,5.")  # killed while writing
+    resumed = MetricsFile(tmp_path, 3)
+    resumed.add(3, {"a": 30.0, "b": 2.0})
+    columns = read_metrics(tmp_path)
+    np.testing.assert_array_equal(columns["generation"], [0, 1, 2, 3])
+    np.testing.assert_array_equal(columns["a"], [0, 1, 2, 30])
+    MetricsFile(tmp_path, 0)
+    with pytest.raises(ConfigError, match="holds no generation"):
+        read_metrics(tmp_path)
+
+
+def test_missing_and_foreign_tables(tmp_path):
+    with pytest.raises(ConfigError, match="holds no generation"):
+        read_metrics(tmp_path)
+    (tmp_path / METRICS_FILE).write_text("generation,a\n0,much\n")
+    with pytest.raises(ConfigError, match="no table of numbers"):
+        read_metrics(tmp_path)

@@ -1,0 +1,132 @@
+"""The robots that come with the package: that they are there, and do what their cards say."""
+
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+from PIL import Image
+
+import ncrs
+import ncrs.runs.published
+from ncrs.runs.assessment import assess
+from ncrs.runs.checkpoint import CheckpointError
+from ncrs.cli import main
+from ncrs.training.hydra import register, train_config
+from ncrs.runs.published import ChampionError, champions_folder, file_stem, load_any_champion
+from ncrs.runs.settings import ConfigError, config_from_dict
+from ncrs_envs.tasks import TASKS
+
+ROOT = Path(__file__).parents[2]
+RECIPES = ("best", "cma_es", "cma_me")
+CURRICULUM = "light_chase/curriculum"
+"""Where the best search in CarryBall started."""
+NAMES = sorted([*(f"{task}/{recipe}" for task in TASKS for recipe in RECIPES), CURRICULUM])
+
+
+def test_all_are_listed():
+    assert ncrs.champions() == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_champion_does_in_box2d_what_its_card_says(name):
+    """On other episodes: 200 here, where the published 1,000 had another seed."""
+    champion = ncrs.load_champion(name)
+    published = champion.card["tests"]["box2d"]
+    again = assess(champion, episodes=200, seed=2)
+    low, high = again.success.interval
+    assert low <= published["success"]["share"] <= high
+    assert abs(again.fitness - published["fitness"]) <= 3 * again.fitness_standard_error
+    assert published["success"]["episodes"] == 1000
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_champion_is_complete(name):
+    champion = ncrs.load_champion(name)
+    assert champion.name == name
+    assert champion.task.name == name.split("/")[0]
+    np.testing.assert_array_equal(ncrs.grow(champion.nca, champion.task.grid_size), champion.body)
+    config = config_from_dict(champion.card["config"])
+    assert config.task == champion.task
+    for command in champion.card["commands"]:
+        assert command.startswith("python train.py ")
+    with Image.open(champions_folder() / f"{file_stem(name)}.png") as picture:
+        assert picture.width > picture.height > 100
+
+
+def test_the_best_light_chaser_beats_the_papers():
+    """The paper's best evolved robots reach a fitness of 0.615, and 92 % success."""
+    published = ncrs.load_champion("light_chase/best").card["tests"]["box2d"]
+    assert published["fitness"] > 0.615
+    assert published["success"]["share"] >= 0.95
+
+
+def test_an_unknown_name_is_answered_with_those_known():
+    with pytest.raises(ChampionError, match="light_chase/best"):
+        ncrs.load_champion("light_chase/worst")
+    with pytest.raises(ConfigError, match="light_chase/best"):
+        load_any_champion("light_chase/worst")
+
+
+def test_a_damaged_card_is_recognised(tmp_path, monkeypatch):
+    folder = tmp_path / "champions"
+    shutil.copytree(champions_folder(), folder)
+    (folder / "light_chase-best.json").write_text("{")
+    monkeypatch.setattr(ncrs.runs.published, "CHECKOUT_FOLDER", folder)
+    with pytest.raises(CheckpointError, match="not valid JSON"):
+        ncrs.load_champion("light_chase/best")
+
+
+@pytest.mark.parametrize("task", sorted(TASKS))
+def test_the_experiment_is_the_champions(task):
+    """experiment=best/TASK has the settings that the card of TASK/best records."""
+    register()
+    overrides = [f"experiment=best/{task}"]
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        composed = asdict(train_config(compose("config", overrides), overrides))
+    recorded = asdict(config_from_dict(ncrs.load_champion(f"{task}/best").card["config"]))
+    assert composed == recorded
+
+
+@pytest.mark.slow
+def test_an_installed_package_has_them_too(tmp_path):
+    """A wheel built and installed elsewhere, with the dependencies of this environment."""
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    source = tmp_path / "source"
+    kept = ("ncrs", "ncrs_envs", "assets", "setup.cfg", "pyproject.toml", "README.md", "LICENSE")
+    for name in kept:
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
+        source.mkdir(exist_ok=True)
+        copy(ROOT / name, source / name)
+    subprocess.run([*pip, "wheel", str(source), "--no-deps", "-w", str(tmp_path)], check=True)
+    venv.create(tmp_path / "venv", with_pip=False)
+    (wheel,) = tmp_path.glob("*.whl")
+    target = tmp_path / "venv" / "bin" / "python"
+    subprocess.run([*pip, "--python", str(target), "install", "--no-deps", str(wheel)], check=True)
+    code = (
+        f"import sys; sys.path.append({sysconfig.get_path('purelib')!r}); "
+        "import ncrs; print(ncrs.__file__); print(*ncrs.champions())"
+    )
+    printed = subprocess.run(
+        [str(target), "-c", code], cwd=tmp_path, check=True, capture_output=True, text=True
+    ).stdout.split()
+    assert printed[0].startswith(str(tmp_path))
+    assert printed[1:] == NAMES
+
+
+def test_commands_take_a_champion_by_name(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    main(["evaluate", "light_chase/best", "--episodes", "4"])
+    main(["render", "light_chase/best", "--size", "64"])
+    assert "100%" in capsys.readouterr().out
+    written = {path.name for path in (tmp_path / "light_chase-best").iterdir()}
+    assert {"evaluation.json", "body.png", "growth_and_episodes.png"} <= written
+    with pytest.raises(SystemExit):
+        main(["evaluate", "light_chase/worst"])
+    assert "light_chase/best" in capsys.readouterr().err

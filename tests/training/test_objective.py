@@ -1,0 +1,99 @@
+"""Where a search starts, and what it maximises."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ncrs.evolution.optimizers.base import Optimizer
+from ncrs.runs.champion import Champion, load_champion_file
+from ncrs.runs.checkpoint import CheckpointFolder
+from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TaskConfig, TrainConfig
+from ncrs.training.trainer import Trainer, train
+from ncrs_envs.tasks import LIGHT_CHASE, default_body
+
+
+def config(**changes):
+    settings = {
+        "optimizer": OptimizerConfig(sigma=1e-4, population=16, told_popsize=True),
+        "engine": EngineConfig(name="batched", workers=1),
+        "generations": 2,
+        "runs": 4,
+        "champion_every": 1,
+        "champion_runs": 4,
+        **changes,
+    }
+    return TrainConfig(**settings)
+
+
+@pytest.fixture
+def seed_file(tmp_path, full_genome):
+    path = tmp_path / "seed.npz"
+    body = default_body(LIGHT_CHASE, 5)
+    Champion(full_genome, body, TaskConfig(), 0.4, 0.0, 0, "mean").save(path)
+    return path
+
+
+@pytest.mark.parametrize("name", ["sep_cma_es", "cma_me"])
+def test_a_search_starts_from_a_champion(name, seed_file, tmp_path, full_genome):
+    optimizer = OptimizerConfig(name, sigma=1e-5, population=16, told_popsize=True)
+    if name == "cma_me":
+        optimizer.diagonal, optimizer.emitters = True, 2
+    run = tmp_path / "run"
+    settings = config(optimizer=optimizer, start_from=str(seed_file))
+    train(settings, run)
+    found = load_champion_file(run).genome
+    # A coordinate of the search moves by a few sigma.
+    assert 0.0 < np.abs(found - full_genome).max() < 1e-4
+    state = CheckpointFolder(run / "checkpoints").load()
+    optimizer_state = state["optimizer"]
+    assert optimizer_state["restarts"] == 0
+
+
+def test_a_start_that_does_not_fit_is_refused(seed_file, tmp_path):
+    with pytest.raises(ConfigError, match="map_elites cannot start from a genome"):
+        Trainer(
+            config(optimizer=OptimizerConfig("map_elites"), start_from=str(seed_file)),
+            tmp_path / "run",
+        )
+    with pytest.raises(ConfigError, match="does not treat left and right alike"):
+        Trainer(config(symmetric=True, start_from=str(seed_file)), tmp_path / "run")
+    with pytest.raises(ConfigError, match="There is no champion"):
+        Trainer(config(start_from=str(tmp_path / "nothing")), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_optimizer_is_told_the_bonus_and_the_archive_the_fitness(
+    seed_file, tmp_path, monkeypatch
+):
+    told = []
+    real = Optimizer.tell
+    monkeypatch.setattr(
+        Optimizer, "tell", lambda self, values, added: (told.append(values), real(self, values))
+    )
+    settings = config(start_from=str(seed_file), approach_bonus=3.0, generations=1)
+    train(settings, tmp_path / "run")
+    champion = load_champion_file(tmp_path / "run")
+    assert 0.3 < champion.fitness < 0.5
+    # The closest score of a robot is at least its mean score.
+    assert (told[0] >= 4 * 0.3).all()
+    state = CheckpointFolder(tmp_path / "run" / "checkpoints").load()
+    assert state["champion_objective"] >= 4 * champion.fitness
+    assert state["best_fitness"] < 0.6
+
+
+def test_resuming_goes_on_from_the_state_and_not_from_the_start(seed_file, tmp_path):
+    """Also from a checkpoint of before there was an objective, whose objective was the fitness."""
+    settings = config(start_from=str(seed_file))
+    train(settings, tmp_path / "run")
+    before = load_champion_file(tmp_path / "run")
+    seed_file.unlink()
+    folder = CheckpointFolder(tmp_path / "run" / "checkpoints")
+    state = folder.load()
+    assert state["champion_objective"] == before.fitness
+    del state["champion_objective"]
+    folder.save(2, state)
+    longer = dataclasses.replace(settings, generations=3, resume=str(tmp_path / "run"))
+    train(longer, tmp_path / "run")
+    assert load_champion_file(tmp_path / "run").fitness >= before.fitness
+    assert folder.load()["generation"] == 3

@@ -1,0 +1,294 @@
+"""Training: logs, champions, and that a run which was killed goes on as if nothing had been."""
+
+import dataclasses
+import errno
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from filelock import FileLock
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from ncrs import logs
+from ncrs.runs.champion import load_champion_file
+from ncrs.runs.checkpoint import CheckpointError, CheckpointFolder
+from ncrs.runs.lock import RunError
+from ncrs.runs.metrics import MetricsFile
+from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TaskConfig, TrainConfig
+from ncrs.training.trainer import train
+
+ROOT = Path(__file__).parents[2]
+GENERATIONS = 6
+
+
+def config(**changes):
+    return dataclasses.replace(
+        TrainConfig(
+            optimizer=OptimizerConfig(sigma=0.1, population=16, told_popsize=True),
+            engine=EngineConfig(name="box2d", workers=1),
+            generations=GENERATIONS,
+            runs=2,
+            champion_every=2,
+            champion_runs=3,
+            checkpoint_seconds=0,
+            seed=1,
+        ),
+        **changes,
+    )
+
+
+COMMAND = [
+    sys.executable, "train.py", "engine=box2d", "engine.workers=1", "optimizer.sigma=0.1",
+    "optimizer.population=16", "optimizer.told_popsize=true", f"generations={GENERATIONS}",
+    "runs=2", "champion_every=2", "champion_runs=3", "checkpoint_seconds=0", "seed=1",
+    "symmetric=false", "mirroring=none", "optimizer.step_size=csa",
+]  # fmt: skip
+
+
+def final_state(run_dir):
+    state = CheckpointFolder(Path(run_dir) / "checkpoints").load()
+    del state["seconds"]
+    return state
+
+
+def assert_same(first, second, path=""):
+    assert type(first) is type(second), path
+    if isinstance(first, dict):
+        assert first.keys() == second.keys(), path
+        for key in first:
+            assert_same(first[key], second[key], f"{path}/{key}")
+    elif isinstance(first, list):
+        assert len(first) == len(second), path
+        for index, pair in enumerate(zip(first, second, strict=True)):
+            assert_same(*pair, f"{path}/{index}")
+    else:
+        np.testing.assert_array_equal(first, second, err_msg=path)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    run_dir = tmp_path_factory.mktemp("undisturbed")
+    result = train(config(), run_dir)
+    return run_dir, result
+
+
+def scalars(run_dir):
+    accumulator = EventAccumulator(str(run_dir)).Reload()
+    return {tag: accumulator.Scalars(tag) for tag in accumulator.Tags()["scalars"]}
+
+
+def test_a_run_finishes_and_reports(undisturbed):
+    run_dir, result = undisturbed
+    assert result.generation == GENERATIONS
+    assert result.stopped_by is None
+    assert result.evaluations == 16 * GENERATIONS
+    assert result.champion is not None
+    champion = load_champion_file(run_dir)
+    np.testing.assert_array_equal(champion.genome, result.champion.genome)
+    assert champion.fitness == result.champion.fitness
+
+
+def test_tensorboard_has_the_curves(undisturbed):
+    curves = scalars(undisturbed[0])
+    for tag in (
+        "fitness/best", "fitness/mean", "fitness/median", "fitness/std", "bodies/valid",
+        "success/mean", "optimizer/sigma", "optimizer/condition_number", "progress/evaluations",
+        "progress/env_steps", "speed/evaluations_per_s", "speed/env_steps_per_s", "time/ask_s",
+        "time/evaluate_s", "time/tell_s",
+    ):  # fmt: skip
+        assert [event.step for event in curves[tag]] == list(range(GENERATIONS)), tag
+    assert [event.value for event in curves["progress/evaluations"]] == [
+        16.0 * (index + 1) for index in range(GENERATIONS)
+    ]
+    texts = EventAccumulator(str(undisturbed[0])).Reload().Tags()["tensors"]
+    assert {"config/text_summary", "versions/text_summary"} <= set(texts)
+
+
+def test_the_seed_decides_the_run_and_workers_do_not(undisturbed, tmp_path):
+    train(config(engine=EngineConfig(name="box2d", workers=2)), tmp_path / "same")
+    assert_same(final_state(undisturbed[0]), final_state(tmp_path / "same"))
+    train(config(seed=2, generations=1), tmp_path / "other")
+    assert (
+        final_state(tmp_path / "other")["best_fitness"]
+        != final_state(undisturbed[0])["best_fitness"]
+    )
+
+
+def test_a_longer_run_goes_on_where_the_shorter_ended(undisturbed, tmp_path):
+    train(config(generations=4), tmp_path)
+    train(config(resume=str(tmp_path)), tmp_path)
+    assert_same(final_state(undisturbed[0]), final_state(tmp_path))
+    steps = [event.step for event in scalars(tmp_path)["fitness/best"]]
+    assert steps == list(range(GENERATIONS))
+
+
+def start(run_dir):
+    command = [*COMMAND, f"hydra.run.dir={run_dir}"]
+    if CheckpointFolder(run_dir / "checkpoints").paths():
+        command = [sys.executable, "train.py", f"resume={run_dir}"]
+    return subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+
+
+def wait_for_checkpoint(run_dir, generation, process):
+    """Wait for the checkpoint of that generation or a later one."""
+    name = f"generation_{generation:08d}.npz"
+    folder = CheckpointFolder(run_dir / "checkpoints")
+    deadline = time.monotonic() + 60
+    while not any(path.name >= name for path in folder.paths()):
+        assert process.poll() is None, process.stdout.read()
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def test_a_run_killed_again_and_again_ends_bit_equal(undisturbed, tmp_path):
+    run_dir = tmp_path / "killed"
+    # Between checkpoints, while one is being written, wherever it happens to be.
+    for generation, delay in ((0, 0.0), (2, 0.03), (4, 0.1)):
+        process = start(run_dir)
+        wait_for_checkpoint(run_dir, generation, process)
+        time.sleep(delay)
+        process.kill()
+        process.wait()
+        process.stdout.close()
+    process = start(run_dir)
+    output, _ = process.communicate(timeout=120)
+    assert process.returncode == 0, output
+    assert_same(final_state(undisturbed[0]), final_state(run_dir))
+    assert (run_dir / "champion.npz").read_bytes() == (undisturbed[0] / "champion.npz").read_bytes()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_polite_stop_saves_says_so_and_goes_on_exactly(undisturbed, tmp_path, number):
+    run_dir = tmp_path / "stopped"
+    process = start(run_dir)
+    wait_for_checkpoint(run_dir, 1, process)
+    process.send_signal(number)
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 128 + number, output
+    assert f"Stopped by {number.name}" in output
+    assert f"resume={run_dir}" in output
+    assert "Traceback" not in output
+    result = train(config(resume=str(run_dir)), run_dir)
+    assert result.generation == GENERATIONS
+    assert_same(final_state(undisturbed[0]), final_state(run_dir))
+
+
+def test_a_full_disk_ends_the_run_clearly_and_it_goes_on_exactly(
+    undisturbed, tmp_path, monkeypatch
+):
+    def full(self, generation, metrics):
+        if generation == 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        add(self, generation, metrics)
+
+    add = MetricsFile.add
+    monkeypatch.setattr(MetricsFile, "add", full)
+    with pytest.raises(CheckpointError, match=r"(?i)could not write into.*no space left"):
+        train(config(), tmp_path)
+    monkeypatch.undo()
+    train(config(resume=str(tmp_path)), tmp_path)
+    assert_same(final_state(undisturbed[0]), final_state(tmp_path))
+
+
+@pytest.mark.parametrize("name", ["file/run", "locked"])
+def test_a_folder_that_cannot_be_written_is_a_clear_error(tmp_path, name):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "locked" / ".lock").mkdir(parents=True)
+    with pytest.raises(CheckpointError, match="Could not write into"):
+        train(config(), tmp_path / name)
+
+
+def test_genomes_that_are_not_finite_stop_the_run_and_save(tmp_path):
+    optimizer = OptimizerConfig(sigma=1e39, population=4, told_popsize=True)  # beyond float32
+    with pytest.raises(RunError, match=r"Generation 0 cannot be completed.*finite.*saved in"):
+        train(config(optimizer=optimizer), tmp_path)
+    assert final_state(tmp_path)["generation"] == 0
+
+
+def test_other_settings_are_refused_on_resuming_with_both_values(undisturbed):
+    run_dir = undisturbed[0]
+    before = final_state(run_dir), (run_dir / "config.json").read_bytes()
+    for changes, message in [
+        ({"seed": 9}, "its seed is 1, 9 was given"),
+        ({"task": TaskConfig("obstacle")}, "its task.name is 'light_chase', 'obstacle' was given"),
+        ({"runs": 24}, "its runs is 2, 24 was given"),
+    ]:
+        with pytest.raises(ConfigError, match=message):
+            train(config(resume=str(run_dir), **changes), run_dir)
+    assert_same(before[0], final_state(run_dir))
+    assert (run_dir / "config.json").read_bytes() == before[1]
+
+
+def test_going_on_with_other_versions_is_warned_of(tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(logs, "version", lambda name: "0.1")
+        patch.setattr("Box2D.__version__", "0.2")
+        train(config(generations=1), tmp_path)
+    expected = r"saved with torch 0\.1 \(now .*numba 0\.1.*cma 0\.1.*Box2D 0\.2"
+    with pytest.warns(logs.VersionWarning, match=expected):
+        train(config(resume=str(tmp_path), generations=2), tmp_path)
+
+
+def test_two_runs_cannot_write_to_one_folder(undisturbed, tmp_path):
+    with FileLock(tmp_path / ".lock"), pytest.raises(RunError, match="Another process"):
+        train(config(generations=1), tmp_path)
+    with pytest.raises(RunError, match="already holds a run"):
+        train(config(generations=1), undisturbed[0])
+
+
+def test_scenarios_per_genome(tmp_path):
+    common = train(config(generations=4), tmp_path / "common")
+    own = train(config(generations=4, common_scenarios=False), tmp_path / "own")
+    assert own.evaluations == common.evaluations
+    assert own.best_fitness != common.best_fitness
+
+
+def test_a_population_that_is_all_invalid_is_no_error(tmp_path):
+    optimizer = OptimizerConfig(sigma=1e-6, population=4)
+    result = train(config(optimizer=optimizer, generations=2), tmp_path)
+    assert result.champion is None
+    assert result.best_fitness <= 0.02
+    assert not (tmp_path / "champion.npz").exists()
+
+
+def run_train(*arguments):
+    return subprocess.run(
+        [sys.executable, "train.py", *arguments],
+        cwd=ROOT, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+
+
+def test_a_sweep_has_a_folder_for_each_job(tmp_path):
+    done = run_train(
+        "-m", *COMMAND[2:], "task=light_chase,obstacle", "seed=0,1", "generations=1",
+        f"hydra.sweep.dir={tmp_path}",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    folders = sorted(path.name for path in tmp_path.iterdir() if path.is_dir())
+    assert len(folders) == 4
+    assert [name.split("_")[0] for name in folders] == ["0", "1", "2", "3"]
+    assert all((tmp_path / name / "checkpoints").is_dir() for name in folders)
+
+
+def test_a_typo_fails_at_once_and_leaves_nothing(tmp_path):
+    before = sorted(os.listdir(ROOT))
+    done = run_train("optimizer.sgima=1", f"hydra.run.dir={tmp_path}/run")
+    assert done.returncode == 1
+    assert "Did you mean optimizer.sigma" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "run").exists()
+    assert sorted(os.listdir(ROOT)) == before
+
+
+def test_an_impossible_value_is_one_sentence(tmp_path):
+    done = run_train("task.name=chess", f"hydra.run.dir={tmp_path}/run")
+    assert done.returncode == 1
+    assert "Unknown task 'chess'" in done.stderr
+    assert "Traceback" not in done.stderr
