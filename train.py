@@ -5,14 +5,10 @@ import sys
 import hydra
 from omegaconf import DictConfig
 
-from ncrs.engines import EngineError
-from ncrs.runs.checkpoint import CheckpointError
-from ncrs.runs.lock import RunError
-from ncrs.runs.published import ChampionError
-from ncrs.runs.settings import ConfigError
 from ncrs.training.hydra import check_arguments, current_job, register
 from ncrs.training.summary import exit_code, finished_lines, stopped_lines
 from ncrs.training.trainer import train
+from ncrs_envs.errors import NCRSError
 
 
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
@@ -21,7 +17,7 @@ def main(composed: DictConfig) -> float:
     try:
         config, run_dir = current_job(composed)
         result = train(config, run_dir)
-    except (ConfigError, RunError, CheckpointError, ChampionError, EngineError) as error:
+    except NCRSError as error:
         sys.exit(f"train.py: {error}")
     if result.stopped_by is not None:
         print("\n".join(stopped_lines(result)))
@@ -34,6 +30,6 @@ if __name__ == "__main__":
     register()
     try:
         check_arguments(sys.argv[1:])
-    except ConfigError as error:
+    except NCRSError as error:
         sys.exit(f"train.py: {error}")
     main()

@@ -36,11 +36,11 @@ from numpy.typing import NDArray
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from benchmarks.workload import nearly_full_genomes
-from ncrs import training
 from ncrs.engines.base import Engine, Evaluation, make_engine
 from ncrs.evolution.optimizers.base import OPTIMIZERS
 from ncrs.evolution.optimizers.emitters import EMITTERS
 from ncrs.runs.settings import EngineConfig, OptimizerConfig, TrainConfig
+from ncrs.training import trainer as training
 
 TASK = "light_chase"
 GENERATIONS = 24
@@ -106,7 +106,7 @@ def _config(optimizer: str, generations: int) -> TrainConfig:
         engine=EngineConfig(name="batched"),
         generations=generations + 2,
         champion_every=generations + 2,
-        champion_runs=1,
+        champion_episodes=1,
         checkpoint_seconds=CHECKPOINT_SECONDS,
     )
 

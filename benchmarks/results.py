@@ -23,7 +23,7 @@ from PIL import Image
 
 from ncrs.commands.archive import reestimated
 from ncrs.engines.base import AUTO_ENGINE, ENGINES
-from ncrs.engines.evaluate import RUNS
+from ncrs.engines.evaluate import EPISODES
 from ncrs.runs.assessment import Assessment, assess
 from ncrs.runs.champion import CHAMPION_FILE, Champion, load_champion_file
 from ncrs.runs.checkpoint import write_json
@@ -41,7 +41,7 @@ from ncrs.runs.published import (
 from ncrs.runs.settings import load_config
 from ncrs.viz.pictures import STORY_FILE, save_pictures
 
-EPISODES, SEED = 1000, 1
+TEST_EPISODES, SEED = 1000, 1
 PICTURE_SIZE = 240
 HEADINGS = (
     "evaluations | fitness, Box2D | success, Box2D (95 %) | crossed | fitness, batched | "
@@ -49,13 +49,13 @@ HEADINGS = (
 )
 _RULE = "---|" * (HEADINGS.count("|") + 1)
 _NAME = re.compile(r"[a-z0-9_]+/[a-z0-9_]+")
-_ARCHIVE_KEYS = ("filled", "filled_share", "qd_score", "best", "beat_standing_still", "succeed")
+_ARCHIVE_KEYS = ("filled", "filled_fraction", "qd_score", "best", "beat_standing_still", "succeed")
 
 
 def tested(champion: Champion) -> dict[str, Assessment]:
     """The champion's assessment on each engine."""
     return {
-        engine: assess(champion, engine=engine, episodes=EPISODES, seed=SEED)
+        engine: assess(champion, engine=engine, episodes=TEST_EPISODES, seed=SEED)
         for engine in sorted(ENGINES)
     }
 
@@ -127,7 +127,7 @@ def _folder(start: str) -> Path:
 def archive_of(run: Path) -> dict[str, Any]:
     """An archive's statistics as training left it, and with all elites estimated again."""
     elites = load_archive(run)
-    fresh = reestimated(elites, AUTO_ENGINE, 0, RUNS)
+    fresh = reestimated(elites, AUTO_ENGINE, 0, EPISODES)
     return {
         name: {key: one.archive.statistics()[key] for key in _ARCHIVE_KEYS}
         for name, one in (("trained", elites), ("reestimated", fresh))
@@ -206,7 +206,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     either = parser.add_mutually_exclusive_group()
     either.add_argument("--collect", nargs=2, metavar=("RUN", "NAME"))
-    either.add_argument("--runs", nargs="+", type=Path, metavar="RUN")
+    either.add_argument("--episodes", nargs="+", type=Path, metavar="RUN")
     options = parser.parse_args()
     if options.runs is not None:
         table_of_runs(options.runs)

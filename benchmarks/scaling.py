@@ -14,12 +14,12 @@ import subprocess
 import sys
 from typing import Any
 
-from benchmarks.workload import POPULATION, RUNS, nearly_full_genomes, rollout_speed
+from benchmarks.workload import EPISODES, POPULATION, nearly_full_genomes, rollout_speed
 from ncrs.engines.base import available_cores
 
 TASK = "light_chase"
 POPULATIONS = (1, 8, 29, POPULATION, 448)
-RUN_COUNTS = (1, 3, 6, RUNS, 24, 100)
+EPISODE_COUNTS = (1, 3, 6, EPISODES, 24, 100)
 GRID_SIZES = (3, 5, 7, 9, 15)
 _LARGE_POPULATION = 24
 """Genomes for the other grid sizes, whose larger bodies take longer."""
@@ -36,7 +36,7 @@ def measure(repeats: int) -> dict[str, Any]:
     return {
         "threads": {n: speed(workers=n) for n in range(1, available_cores() + 1)},
         "population": {n: speed(genomes[:n]) for n in POPULATIONS},
-        "runs": {n: speed(runs=n) for n in RUN_COUNTS},
+        "episodes": {n: speed(episodes=n) for n in EPISODE_COUNTS},
         "grid_size": {
             n: speed(nearly_full_genomes(TASK, _LARGE_POPULATION, n), grid_size=n)
             for n in GRID_SIZES
@@ -69,7 +69,7 @@ def main() -> None:
         print(json.dumps(result))
         return
     print(f"batched, {TASK}, nearly full bodies; env steps/s\n")
-    for quantity in ("threads", "population", "runs", "grid_size"):
+    for quantity in ("threads", "population", "episodes", "grid_size"):
         print(quantity)
         for value, speed in result[quantity].items():
             print(f"  {value:>5} {speed:>12,.0f}")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.automaton.channels import FEATURES, STEPS_PER_ACTION, nca_layout
+from ncrs.automaton.channels import HIDDEN_UNITS, STEPS_PER_ACTION, nca_layout
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.base import make_engine
@@ -17,10 +17,10 @@ from ncrs_envs.scenario import sample_scenarios
 from ncrs_envs.tasks import TASKS, task_settings
 
 POPULATION = 112
-RUNS = 12
+EPISODES = 12
 _SIGMA = 0.1
 _LEAST_FULL = 0.88
-"""Share of the cells that a nearly full body occupies: 22 of 25."""
+"""Fraction of the cells that a nearly full body occupies: 22 of 25."""
 _BATCH = 512
 _MAX_DRAWS = 200
 
@@ -51,14 +51,14 @@ def rollout_speed(
     task: str,
     genomes: NDArray[np.float32],
     *,
-    runs: int = RUNS,
+    episodes: int = EPISODES,
     grid_size: int = 5,
     workers: int | None = None,
     repeats: int = 5,
 ) -> float:
     """Environment steps per second of whole evaluations, NCA included: median of the repeats."""
     settings = task_settings(task, grid_size)
-    scenarios = sample_scenarios(task, 1, runs, grid_size)
+    scenarios = sample_scenarios(task, 1, episodes, grid_size)
     with make_engine(engine, settings, workers) as running:
         steps = running.evaluate(genomes, scenarios).env_steps  # compiles, starts workers
         seconds = median_seconds(lambda: running.evaluate(genomes, scenarios), repeats)
@@ -89,7 +89,8 @@ def nca_flops_per_step(bodies: NDArray[np.int8], task: str) -> float:
     cells = float((bodies != 0).sum() / len(bodies))
     layout = nca_layout(task)
     changing = layout.changing_channels.stop - layout.changing_channels.start
-    products = links * changing * FEATURES + cells * (FEATURES * FEATURES + FEATURES * changing)
+    dense = HIDDEN_UNITS * (HIDDEN_UNITS + changing)
+    products = links * changing * HIDDEN_UNITS + cells * dense
     return 2.0 * STEPS_PER_ACTION * products
 
 

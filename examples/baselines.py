@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ncrs_envs
-from ncrs.runs.assessment import Share
+from ncrs.runs.assessment import Proportion
 
 Grid = NDArray[np.float32]
 Controller = Callable[[Grid], Grid]
@@ -129,7 +129,7 @@ def main() -> None:
             controllers["catch and carry"] = (catch_and_carry(body, GAIN[task]), rows)
         for name, (controller, own_body) in controllers.items():
             fitness, successes = run(task, controller, episodes, own_body)
-            share, low, high = Share.of(successes, episodes).percentages()
+            share, low, high = Proportion.of(successes, episodes).percentages()
             print(f"{task:<14}{name:<16}{fitness:>8.4f}{share:>9}  {low} to {high}")
 
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from ncrs.commands import archive, evaluate, figures, film, play, render, report
-from ncrs.runs.checkpoint import CheckpointError
+from ncrs_envs.errors import NCRSError
 
 _COMMANDS = (evaluate, archive, render, figures, film, play, report)
 
@@ -25,6 +25,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = _parser().parse_args(arguments)
     try:
         options.action(options)
-    except (ValueError, CheckpointError) as error:
+    except NCRSError as error:
         print(f"ncrs: {error}", file=sys.stderr)
         raise SystemExit(2) from error

@@ -7,7 +7,7 @@ Importing this package registers ``NCRS-LightChase-v0``, ``NCRS-Obstacle-v0`` an
 from ncrs_envs.body import (
     BodyError,
     Cell,
-    body_features,
+    body_measures,
     body_to_characters,
     parse_body,
 )
@@ -31,7 +31,7 @@ __all__ = [
     "ScenarioError",
     "Task",
     "TaskError",
-    "body_features",
+    "body_measures",
     "body_to_characters",
     "get_task",
     "parse_body",

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs_envs.errors import NCRSError
+
 BodyGrid = NDArray[np.int8]
 
 
@@ -55,7 +57,7 @@ CELL_CHARACTERS: Mapping[str, Cell] = {
 SENSOR_CELLS = (Cell.LIGHT_SENSOR, Cell.TARGET_SENSOR)
 
 
-class BodyError(ValueError):
+class BodyError(NCRSError, ValueError):
     """A body grid that is malformed, or that a task cannot use."""
 
 
@@ -151,7 +153,7 @@ def wheel_mask(bodies: NDArray[Any]) -> NDArray[np.bool_]:
     return np.asarray(bodies == Cell.WHEEL)
 
 
-def body_features(bodies: NDArray[Any]) -> NDArray[np.int64]:
+def body_measures(bodies: NDArray[Any]) -> NDArray[np.int64]:
     """The archive's coordinates: ``(sensors of all types, wheels, occupied cells)``.
 
     Args:

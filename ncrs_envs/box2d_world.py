@@ -25,7 +25,7 @@ from ncrs_envs.physics import (
     LIGHT_RADIUS,
     WheelModel,
 )
-from ncrs_envs.scenario import LEAST_QUAD_SIDE, Scenario, wall_quads
+from ncrs_envs.scenario import MIN_QUAD_SIDE, Scenario, wall_quads
 
 _VELOCITY_ITERATIONS = 180
 _POSITION_ITERATIONS = 60
@@ -129,5 +129,5 @@ def _solid_quads(scenario: Scenario, grid_size: int) -> Iterator[list[tuple[floa
     that remain, so flat quads are left out."""
     for quad in wall_quads(scenario, grid_size):
         height, width = np.ptp(quad[:, 1]), np.ptp(quad[:, 0])
-        if min(height, width) > LEAST_QUAD_SIDE:
+        if min(height, width) > MIN_QUAD_SIDE:
             yield [(float(x), float(y)) for x, y in quad]

@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs_envs.errors import NCRSError
+
 RESET_OPTIONS = ("body", "region", "scenario")
 
 
-class OptionError(ValueError):
+class OptionError(NCRSError, ValueError):
     """An unknown or malformed option, or options that exclude each other."""
 
 
-class ActionError(ValueError):
+class ActionError(NCRSError, ValueError):
     """An action of the wrong shape, or with values that are not finite numbers."""
 
 

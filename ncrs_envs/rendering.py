@@ -34,6 +34,7 @@ from ncrs_envs.canvas import (
     View,
     mix,
 )
+from ncrs_envs.errors import NCRSError
 from ncrs_envs.physics import BALL_RADIUS, LIGHT_RADIUS, TARGET_SIDE
 from ncrs_envs.scenario import WALL_EXTENT
 
@@ -52,7 +53,7 @@ _LEAST_INSET_PIXELS = 40
 _LEAST_MAGNIFICATION = 1.3
 
 
-class RenderError(ValueError):
+class RenderError(NCRSError, ValueError):
     """A picture size outside the allowed range."""
 
 

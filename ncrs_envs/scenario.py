@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.body import CELL_SIZE, DEFAULT_GRID_SIZE, check_grid_size
+from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import REGIONS, Task, get_task, playfield
 
 Point = tuple[float, float]
@@ -41,13 +42,13 @@ WALL_TOP = 1.2
 WALL_NOISE = 0.8
 WALL_VERTICES = (5, 20)
 """Least number of vertices of a wall, and one more than the most."""
-LEAST_QUAD_SIDE = 0.01
+MIN_QUAD_SIDE = 0.01
 """Wall quads less high or wide than this, in units, enclose nothing worth colliding with."""
 MAX_START_DRAWS = 1000
 """Draws of a start free of walls before giving up."""
 
 
-class ScenarioError(ValueError):
+class ScenarioError(NCRSError, ValueError):
     """A scenario that is malformed, or that does not fit the task or the playfield."""
 
 
@@ -296,6 +297,15 @@ def sample_scenarios(
     ]
 
 
+def _checked_seed(seed: int | Sequence[int]) -> np.random.SeedSequence:
+    try:
+        return np.random.SeedSequence(seed)
+    except (TypeError, ValueError) as error:
+        raise ScenarioError(
+            f"seed must be a non-negative integer, or a sequence of them, got {seed!r}."
+        ) from error
+
+
 def scenario_streams(
     seed: int | Sequence[int] | np.random.SeedSequence, n: int, per_stream: int = 1
 ) -> list[np.random.Generator]:
@@ -310,6 +320,6 @@ def scenario_streams(
     if isinstance(seed, np.random.SeedSequence):
         root = np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
     else:
-        root = np.random.SeedSequence(seed)
+        root = _checked_seed(seed)
     children = root.spawn(-(-int(n) // per_stream))
     return [np.random.Generator(np.random.PCG64(child)) for child in children]

@@ -23,6 +23,7 @@ from ncrs_envs.body import (
     check_grid_size,
     parse_body,
 )
+from ncrs_envs.errors import NCRSError
 
 DistanceScore = Literal["exponential", "inverse_square"]
 DISTANCE_SCORES: tuple[DistanceScore, ...] = ("exponential", "inverse_square")
@@ -34,7 +35,7 @@ REGIONS = 4
 """Number of start regions of the light or ball, cycled over the runs of an evaluation."""
 
 
-class TaskError(ValueError):
+class TaskError(NCRSError, ValueError):
     """An unknown task, or a task setting outside its allowed values."""
 
 

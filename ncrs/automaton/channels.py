@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import Task, get_task
 
 BODY_CHANNEL = 0
 CONTROL_CHANNEL = 1
 FIRST_PART_CHANNEL = 2
 HIDDEN_CHANNELS = 6
-FEATURES = 30
+HIDDEN_UNITS = 30
 """Outputs of the first and of the second layer."""
 KERNEL_SIZE = 3
 ALIVE_THRESHOLD = 0.1
@@ -26,7 +27,7 @@ STATE_LIMIT = 5.0
 STEPS_PER_ACTION = 2
 
 
-class GenomeError(ValueError):
+class GenomeError(NCRSError, ValueError):
     """A genome of the wrong length, rank or dtype, or with values that are not finite."""
 
 
@@ -66,11 +67,11 @@ class NCALayout:
         """Shapes of weight and bias of the three layers, in the genome's order."""
         channels = self.channels
         return (
-            (FEATURES, channels, KERNEL_SIZE, KERNEL_SIZE),
-            (FEATURES,),
-            (FEATURES, FEATURES, 1, 1),
-            (FEATURES,),
-            (channels, FEATURES, 1, 1),
+            (HIDDEN_UNITS, channels, KERNEL_SIZE, KERNEL_SIZE),
+            (HIDDEN_UNITS,),
+            (HIDDEN_UNITS, HIDDEN_UNITS, 1, 1),
+            (HIDDEN_UNITS,),
+            (channels, HIDDEN_UNITS, 1, 1),
             (channels,),
         )
 

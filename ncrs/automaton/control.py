@@ -16,13 +16,14 @@ from ncrs.automaton.channels import (
 )
 from ncrs.automaton.nca import Automaton, NCAPopulation
 from ncrs_envs.body import BodyError, parse_body, sensor_mask, wheel_mask
+from ncrs_envs.errors import NCRSError
 
 
-class ObservationError(ValueError):
+class ObservationError(NCRSError, ValueError):
     """Observations of the wrong shape, or with values that are not finite."""
 
 
-class StateError(RuntimeError):
+class StateError(NCRSError, RuntimeError):
     """The automaton's state is no longer finite in some robots.
 
     ``robots`` holds their indices, counted over all leading axes of the bodies.

@@ -17,19 +17,24 @@ from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
 from ncrs.automaton.channels import (
     CONTROL_CHANNEL,
-    FEATURES,
+    HIDDEN_UNITS,
     KERNEL_SIZE,
     STATE_LIMIT,
     GenomeError,
     NCALayout,
     nca_layout,
 )
+from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import Task
+
+
+class AutomatonError(NCRSError, ValueError):
+    """A setting of an automaton that is out of range."""
 
 
 def _check_fraction(name: str, value: float, low: float, high: float) -> float:
     if not low <= value <= high:
-        raise ValueError(f"{name} must lie in [{low:g}, {high:g}], got {value!r}.")
+        raise AutomatonError(f"{name} must lie in [{low:g}, {high:g}], got {value!r}.")
     return float(value)
 
 
@@ -103,7 +108,7 @@ class NCA(_CellularAutomaton):
 
     Raises:
         TaskError: unknown task.
-        ValueError: ``fire_rate`` or ``state_noise`` out of range.
+        AutomatonError: ``fire_rate`` or ``state_noise`` out of range.
     """
 
     def __init__(
@@ -115,9 +120,9 @@ class NCA(_CellularAutomaton):
     ) -> None:
         super().__init__(task, fire_rate, state_noise)
         padding = KERNEL_SIZE // 2
-        self.conv1 = nn.Conv2d(self.channels, FEATURES, KERNEL_SIZE, padding=padding)
-        self.conv2 = nn.Conv2d(FEATURES, FEATURES, 1)
-        self.conv3 = nn.Conv2d(FEATURES, self.channels, 1)
+        self.conv1 = nn.Conv2d(self.channels, HIDDEN_UNITS, KERNEL_SIZE, padding=padding)
+        self.conv2 = nn.Conv2d(HIDDEN_UNITS, HIDDEN_UNITS, 1)
+        self.conv3 = nn.Conv2d(HIDDEN_UNITS, self.channels, 1)
 
     def delta(self, states: Tensor) -> Tensor:
         hidden = functional.relu(self.conv1(states))

@@ -7,38 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.automaton.channels import FEATURES, HIDDEN_CHANNELS, KERNEL_SIZE, NCALayout, nca_layout
-from ncrs.runs.published import load_any_champion
-from ncrs.runs.settings import ConfigError
-
-_TOLERANCE = 1e-5
-
-
-def start_genome(source: str, target: NCALayout, symmetric: bool) -> NDArray[np.float64]:
-    """The genome that a search starts from, float64 ``(num_parameters,)``.
-
-    Args:
-        source: a run's folder, a champion's file, or the name of a published champion.
-        target: of the task to search in; a champion of another task is ``transferred``.
-        symmetric: whether the search is among automata that treat left and right alike.
-
-    Raises:
-        ConfigError: there is no such champion; or it is not symmetric, and should be.
-        CheckpointError: its file is damaged.
-    """
-    try:
-        champion = load_any_champion(source)
-    except ConfigError as error:
-        raise ConfigError(
-            f"Cannot start from {source}; if it is an earlier stage, train that first. {error}"
-        ) from error
-    start = transferred(champion.genome, nca_layout(champion.task.name), target)
-    if symmetric and not np.allclose(target.symmetric(start[None])[0], start, atol=_TOLERANCE):
-        raise ConfigError(
-            f"start_from={source} does not treat left and right alike, and this search is among "
-            "automata that do; set symmetric=false."
-        )
-    return start
+from ncrs.automaton.channels import (
+    HIDDEN_CHANNELS,
+    HIDDEN_UNITS,
+    KERNEL_SIZE,
+    NCALayout,
+)
 
 
 def transferred(genome: Any, source: NCALayout, target: NCALayout) -> NDArray[np.float64]:
@@ -65,8 +39,8 @@ def transferred(genome: Any, source: NCALayout, target: NCALayout) -> NDArray[np
     layers = source.layers(source.check_genomes(genome).astype(np.float64))
     reading, bias1, middle, bias2, writing, bias3 = (layer[0] for layer in layers)
     names = {name: index for index, name in enumerate(_channel_names(source))}
-    new_reading = np.zeros((FEATURES, target.channels, KERNEL_SIZE, KERNEL_SIZE))
-    new_writing = np.zeros((target.channels, FEATURES, 1, 1))
+    new_reading = np.zeros((HIDDEN_UNITS, target.channels, KERNEL_SIZE, KERNEL_SIZE))
+    new_writing = np.zeros((target.channels, HIDDEN_UNITS, 1, 1))
     new_bias = np.zeros(target.channels)
     for index, name in enumerate(_channel_names(target)):
         if name in names:

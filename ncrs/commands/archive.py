@@ -10,8 +10,8 @@ import numpy as np
 
 from ncrs.commands import Commands, folder_of, print_saved
 from ncrs.engines.base import AUTO_ENGINE, ENGINES, make_engine
-from ncrs.engines.evaluate import RUNS
-from ncrs.evolution.archive import PAPER_TRIPLES, STANDING_STILL_MARGIN, SUCCESS_SHARE
+from ncrs.engines.evaluate import EPISODES
+from ncrs.evolution.archive import PAPER_TRIPLES, STANDING_STILL_MARGIN, SUCCESS_FRACTION
 from ncrs.evolution.reestimation import reestimate
 from ncrs.runs.checkpoint import write_atomically
 from ncrs.runs.elites import EliteArchive, load_archive
@@ -36,7 +36,7 @@ def add_parser(commands: Commands) -> None:
         help=f"evaluate all elites on fresh scenarios and save them as {REESTIMATED_FILE}",
     )
     parser.add_argument(
-        "--runs", type=int, default=RUNS, help="fresh scenarios; default: %(default)s"
+        "--episodes", type=int, default=EPISODES, help="fresh scenarios; default: %(default)s"
     )
     parser.add_argument("--engine", choices=[AUTO_ENGINE, *sorted(ENGINES)], default=AUTO_ENGINE)
     parser.add_argument("--seed", type=int, default=0, help="of the scenarios; default: 0")
@@ -54,8 +54,8 @@ def _run(options: argparse.Namespace) -> None:
     print(f"{elites.task.name}, archive of {options.run}:")
     print("\n".join("  " + line for line in archive_lines(elites)))
     if options.reestimate:
-        elites = reestimated(elites, options.engine, options.seed, options.runs)
-        print(f"On {options.runs} fresh scenarios:")
+        elites = reestimated(elites, options.engine, options.seed, options.episodes)
+        print(f"On {options.episodes} fresh scenarios:")
         print("\n".join("  " + line for line in archive_lines(elites)))
         elites.save(folder / REESTIMATED_FILE)
         print_saved([folder / REESTIMATED_FILE])
@@ -68,16 +68,18 @@ def _run(options: argparse.Namespace) -> None:
         print_saved([folder / PYRIBS_FILE])
 
 
-def reestimated(elites: EliteArchive, engine: str, seed: int, runs: int) -> EliteArchive:
+def reestimated(elites: EliteArchive, engine: str, seed: int, episodes: int) -> EliteArchive:
     """A copy whose elites were all evaluated on the same fresh scenarios.
 
     Raises:
-        ValueError: unknown engine, negative seed, or ``runs`` below 1.
+        EngineSettingError: unknown engine.
+        ScenarioError: ``episodes`` below 1.
     """
-    copy = EliteArchive(elites.task, type(elites.archive).from_state(elites.archive.state()), runs)
+    archive = type(elites.archive).from_state(elites.archive.state())
+    copy = EliteArchive(elites.task, archive, episodes)
     stream = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
     with make_engine(engine, elites.task.checked()) as running:
-        reestimate(copy.archive, running, stream, runs)
+        reestimate(copy.archive, running, stream, episodes)
     return copy
 
 
@@ -89,11 +91,11 @@ def archive_lines(elites: EliteArchive) -> list[str]:
     filled = int(numbers["filled"])
     paper = score = ""
     if possible != PAPER_TRIPLES:
-        paper = f" ({numbers['filled_share_of_2024']:.1%} of the paper's {PAPER_TRIPLES:,})"
+        paper = f" ({numbers['filled_fraction_of_2024']:.1%} of the paper's {PAPER_TRIPLES:,})"
         score = f" ({numbers['qd_score_of_2024']:.4f} by the paper's {PAPER_TRIPLES:,})"
     lines = [
-        f"filled   {filled:,} of {possible:,} feature triples, "
-        f"{numbers['filled_share']:.1%}{paper}",
+        f"filled   {filled:,} of {possible:,} measure triples, "
+        f"{numbers['filled_fraction']:.1%}{paper}",
         f"QD-score {numbers['qd_score']:.4f}{score}",
     ]
     if filled:
@@ -103,6 +105,6 @@ def archive_lines(elites: EliteArchive) -> list[str]:
             f"standing still earns {still:.4f}",
             f"{int(numbers['beat_standing_still']):,} elites beat standing still by "
             f"{STANDING_STILL_MARGIN} or more; {int(numbers['succeed']):,} succeed in "
-            f"{SUCCESS_SHARE:.0%} of {elites.runs} runs or more",
+            f"{SUCCESS_FRACTION:.0%} of {elites.episodes} episodes or more",
         ]
     return lines

@@ -27,11 +27,11 @@ def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = Non
         "name of a published champion, such as light_chase/best",
     )
     parser.add_argument(
-        "--features",
+        "--measures",
         type=int,
         nargs=3,
         metavar=("SENSORS", "WHEELS", "CELLS"),
-        help="the elite of the archive with these features, instead of the champion",
+        help="the elite of the archive with these measures, instead of the champion",
     )
     parser.add_argument("--task", choices=sorted(TASKS), help="of a genome")
     parser.add_argument("--grid-size", type=int, help="of a genome's body; default: 5")
@@ -43,7 +43,7 @@ def given_robot(options: argparse.Namespace) -> EvolvedRobot:
 
     return load_robot(
         champion_path(options.robot),
-        features=options.features,
+        measures=options.measures,
         task=options.task,
         grid_size=options.grid_size,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import os
 import warnings
 from abc import ABC, abstractmethod
@@ -16,21 +15,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.channels import NCALayout
-from ncrs_envs.body import body_features
+from ncrs_envs.body import body_measures
+from ncrs_envs.errors import NCRSError
 from ncrs_envs.scenario import Scenario, ScenarioError
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 ScenarioRows = Sequence[Sequence[Scenario]]
-"""One row of R scenarios for all genomes, or one row per genome."""
+"""One row of E scenarios for all genomes, or one row per genome."""
 
 StopCheck = Callable[[], bool]
 
-INVALID_FEATURES = -1
+INVALID_MEASURES = -1
 """Stands in every feature of a body that the task cannot use: it has none."""
 
 
-class EngineError(RuntimeError):
+class EngineError(NCRSError, RuntimeError):
     """An engine could not finish an evaluation; the message names the genome."""
+
+
+class EngineSettingError(NCRSError, ValueError):
+    """An engine that does not exist, or a number of workers that is not one."""
 
 
 class EvaluationInterrupted(Exception):
@@ -43,30 +47,30 @@ class NonFiniteStateWarning(RuntimeWarning):
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Results for P genomes in R runs each, on an n x n grid."""
+    """Results for P genomes in E episodes each, on an n x n grid."""
 
     fitness: NDArray[np.float64]
-    """Mean over the runs, ``(P,)``. NaN where the automaton's state turned non-finite."""
-    run_fitness: NDArray[np.float64]
-    """Mean reward over the steps of each run, ``(P, R)``; the partial credit of invalid bodies."""
+    """Mean over the episodes, ``(P,)``. NaN where the automaton's state turned non-finite."""
+    episode_fitness: NDArray[np.float64]
+    """Mean reward over the steps of each episode, ``(P, E)``; partial credit for invalid bodies."""
     success: NDArray[np.bool_]
-    """Whether each run ever succeeded, ``(P, R)``."""
+    """Whether each episode ever succeeded, ``(P, E)``."""
     crossed: NDArray[np.bool_]
-    """Whether the robot's centre was ever above y = 0, ``(P, R)``; all False outside Obstacle."""
+    """Whether the robot's centre was ever above y = 0, ``(P, E)``; all False outside Obstacle."""
     closest: NDArray[np.float64]
-    """Least distances of each run, ``(P, R, D)``, in units: robot to light, D = 1; in CarryBall
+    """Least distances of each episode, ``(P, E, D)``, in units: robot to light, D = 1; in CarryBall
     robot to ball and ball to target, D = 2. Infinite for invalid bodies."""
     bodies: NDArray[np.int8]
     """Cell codes, ``(P, n, n)``."""
     valid: NDArray[np.bool_]
     """Whether the task can use the body, ``(P,)``."""
-    features: NDArray[np.int64]
+    measures: NDArray[np.int64]
     """Sensors, wheels and cells, ``(P, 3)``; -1 where the body is invalid."""
 
     @property
     def env_steps(self) -> int:
         """Environment steps that were simulated; invalid bodies take none."""
-        return int(self.valid.sum() * self.run_fitness.shape[1] * MAX_EPISODE_STEPS)
+        return int(self.valid.sum() * self.episode_fitness.shape[1] * MAX_EPISODE_STEPS)
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ class RolloutResult:
     """
 
     bodies: NDArray[np.int8]
-    run_fitness: NDArray[np.float64]
+    episode_fitness: NDArray[np.float64]
     success: NDArray[np.bool_]
     crossed: NDArray[np.bool_]
     closest: NDArray[np.float64]
@@ -109,7 +113,7 @@ class Engine(ABC):
 
         Args:
             genomes: finite real numbers, shape ``(P, num_parameters)``.
-            scenarios: R scenarios for all genomes, or P rows of R.
+            scenarios: E scenarios for all genomes, or P rows of E.
             should_stop: polled now and then; True ends the evaluation.
 
         Raises:
@@ -133,24 +137,24 @@ class Engine(ABC):
         task = self.settings.task
         valid = task.is_valid(result.bodies)
         credit = task.partial_credit(result.bodies)[:, None]
-        run_fitness = np.where(valid[:, None], result.run_fitness, credit)
-        for genome, run in np.argwhere(~np.isfinite(run_fitness)):
+        episode_fitness = np.where(valid[:, None], result.episode_fitness, credit)
+        for genome, episode in np.argwhere(~np.isfinite(episode_fitness)):
             warnings.warn(
-                f"The NCA's state of genome {genome} turned non-finite in run {run}; the genome's "
+                f"The NCA's state of genome {genome} turned non-finite in episode {episode}; its "
                 "fitness is NaN. Its weights are too large.",
                 NonFiniteStateWarning,
                 stacklevel=3,
             )
-        features = np.where(valid[:, None], body_features(result.bodies), INVALID_FEATURES)
+        measures = np.where(valid[:, None], body_measures(result.bodies), INVALID_MEASURES)
         return Evaluation(
-            fitness=run_fitness.mean(axis=1),
-            run_fitness=run_fitness,
+            fitness=episode_fitness.mean(axis=1),
+            episode_fitness=episode_fitness,
             success=result.success & valid[:, None],
             crossed=result.crossed & valid[:, None] & task.has_walls,
             closest=np.where(valid[:, None, None], result.closest, np.inf),
             bodies=result.bodies,
             valid=valid,
-            features=features,
+            measures=measures,
         )
 
     def _check_scenarios(
@@ -207,11 +211,11 @@ def available_cores() -> int:
 
 
 def check_workers(workers: Any) -> int:
-    """Return the number of workers (all cores for None), else raise ``ValueError``."""
+    """Return the number of workers (all cores for None), else raise ``EngineSettingError``."""
     if workers is None:
         return available_cores()
     if isinstance(workers, bool) or not isinstance(workers, int | np.integer) or workers < 1:
-        raise ValueError(f"workers must be a positive integer or None, got {workers!r}.")
+        raise EngineSettingError(f"workers must be a positive integer or None, got {workers!r}.")
     return int(workers)
 
 
@@ -222,22 +226,22 @@ ENGINES: Mapping[str, tuple[str, str]] = {
 }
 
 AUTO_ENGINE = "auto"
-"""Stands for ``batched`` where numba is installed, and for ``box2d`` elsewhere."""
+"""Stands for the best engine that works here: ``batched``."""
 
 
 def resolve_engine(name: str) -> str:
-    """The engine that a name stands for, or ``ValueError`` naming those there are."""
+    """The engine that a name stands for, or ``EngineSettingError`` naming those there are."""
     if name == AUTO_ENGINE:
-        return "box2d" if importlib.util.find_spec("numba") is None else "batched"
+        return "batched"
     if name not in ENGINES:
-        raise ValueError(
+        raise EngineSettingError(
             f"Unknown engine {name!r}; choose one of {sorted([AUTO_ENGINE, *ENGINES])}."
         )
     return name
 
 
 def make_engine(name: str, settings: TaskSettings, workers: int | None = None) -> Engine:
-    """Make the engine of that name; ``ValueError`` if there is none."""
+    """Make the engine of that name; ``EngineSettingError`` if there is none."""
     module, attribute = ENGINES[resolve_engine(name)]
     engine: Engine = getattr(importlib.import_module(module), attribute)(settings, workers)
     return engine

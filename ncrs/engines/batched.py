@@ -12,10 +12,6 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-# First, since it says what to do where numba is missing.
-from ncrs_envs.batched.records import quad_capacity, scenario_arrays, settings_array
-
-# isort: split
 from ncrs.automaton.channels import growth_steps
 from ncrs.engines.base import (
     Engine,
@@ -27,6 +23,7 @@ from ncrs.engines.base import (
 )
 from ncrs.engines.nca_kernels import IntArray, pack_genomes
 from ncrs.engines.rollout_kernels import grow_population, make_workspace, roll_out_population
+from ncrs_envs.batched.records import quad_capacity, scenario_arrays, settings_array
 from ncrs_envs.tasks import MAX_EPISODE_STEPS
 
 _LOGGER = logging.getLogger(__name__)
@@ -41,9 +38,6 @@ class BatchedEngine(Engine):
     """See ``Engine``. ``workers`` are threads of this process.
 
     The kernels are compiled on first use, which takes under a minute, and kept on disk.
-
-    Raises:
-        NumbaMissingError: on import of this module, if numba is not installed.
     """
 
     name = "batched"
@@ -52,17 +46,17 @@ class BatchedEngine(Engine):
         self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
     ) -> RolloutResult:
         settings = self.settings
-        population, runs, n = len(genomes), len(rows[0]), settings.grid_size
+        population, episodes, n = len(genomes), len(rows[0]), settings.grid_size
         growth, control = pack_genomes(genomes, self.layout)
         part_codes = np.array(self.layout.part_codes, dtype=np.int8)
         bodies = np.zeros((population, n, n), dtype=np.int8)
         finite = np.ones(population, dtype=np.bool_)
         result = RolloutResult(
             bodies=bodies,
-            run_fitness=np.zeros((population, runs)),
-            success=np.zeros((population, runs), dtype=np.bool_),
-            crossed=np.zeros((population, runs), dtype=np.bool_),
-            closest=np.full((population, runs, settings.task.distances), np.inf),
+            episode_fitness=np.zeros((population, episodes)),
+            success=np.zeros((population, episodes), dtype=np.bool_),
+            crossed=np.zeros((population, episodes), dtype=np.bool_),
+            closest=np.full((population, episodes, settings.task.distances), np.inf),
         )
         scenarios = _scenario_table(rows, n)
         task_settings = settings_array(settings.task, n, settings.score, settings.success_radius)
@@ -74,7 +68,7 @@ class BatchedEngine(Engine):
             roll_out_population(
                 control, part_codes, task_settings, scenarios, MAX_EPISODE_STEPS,
                 make_workspace(n), chosen, bodies,
-                result.run_fitness, result.success, result.crossed, result.closest,
+                result.episode_fitness, result.success, result.crossed, result.closest,
             )  # fmt: skip
 
         with _compilation_notice():

@@ -36,26 +36,26 @@ class _Job:
 @dataclass(frozen=True)
 class _GenomeResult:
     body: BodyGrid
-    run_fitness: NDArray[np.float64]
+    episode_fitness: NDArray[np.float64]
     success: NDArray[np.bool_]
     crossed: NDArray[np.bool_]
     closest: NDArray[np.float64]
 
 
 def evaluate_genome(job: _Job) -> _GenomeResult:
-    """Grow one genome's robot and drive it through its scenarios, all runs in step."""
+    """Grow one genome's robot and drive it through its scenarios, all episodes in step."""
     with one_torch_thread():
         nca = NCA(job.settings.task).set_genome(job.genome)
         body = grow(nca, job.settings.grid_size)
-        runs = len(job.scenarios)
-        fitness = np.zeros(runs)
+        number = len(job.scenarios)
+        fitness = np.zeros(number)
         if not job.settings.task.is_valid(body):
-            nothing = np.zeros(runs, dtype=np.bool_)
-            nowhere = np.full((runs, job.settings.task.distances), np.inf)
+            nothing = np.zeros(number, dtype=np.bool_)
+            nowhere = np.full((number, job.settings.task.distances), np.inf)
             return _GenomeResult(body, fitness, nothing, nothing, nowhere)
         robot = Robot(body)
         episodes = [Episode(job.settings, robot, scenario) for scenario in job.scenarios]
-        controller = Controller(nca, np.broadcast_to(body, (runs, *body.shape)))
+        controller = Controller(nca, np.broadcast_to(body, (number, *body.shape)))
         for _ in range(MAX_EPISODE_STEPS):
             try:
                 actions = controller.act(np.stack([e.observation for e in episodes]))
@@ -65,7 +65,7 @@ def evaluate_genome(job: _Job) -> _GenomeResult:
             fitness += [e.step(a) for e, a in zip(episodes, actions, strict=True)]
         return _GenomeResult(
             body=body,
-            run_fitness=fitness / MAX_EPISODE_STEPS,
+            episode_fitness=fitness / MAX_EPISODE_STEPS,
             success=np.array([e.success for e in episodes]),
             crossed=np.array([e.crossed for e in episodes]),
             closest=np.array([e.closest for e in episodes]),
@@ -104,7 +104,7 @@ class Box2DEngine(Engine):
             results = self._pool.map(evaluate_genome, jobs, names, should_stop)
         return RolloutResult(
             bodies=np.stack([r.body for r in results]),
-            run_fitness=np.stack([r.run_fitness for r in results]),
+            episode_fitness=np.stack([r.episode_fitness for r in results]),
             success=np.stack([r.success for r in results]),
             crossed=np.stack([r.crossed for r in results]),
             closest=np.stack([r.closest for r in results]),

@@ -17,8 +17,8 @@ from ncrs_envs.body import DEFAULT_GRID_SIZE
 from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import Task, task_settings
 
-RUNS = 12
-"""Runs per evaluation in the paper."""
+EPISODES = 12
+"""Episodes per evaluation in the paper."""
 # Starting worker processes takes seconds; fewer genomes than this are done before that.
 _WORTH_WORKERS = 8
 
@@ -29,7 +29,7 @@ def evaluate(
     *,
     engine: str = AUTO_ENGINE,
     scenarios: Sequence[Scenario] | ScenarioRows | None = None,
-    runs: int = RUNS,
+    episodes: int = EPISODES,
     seed: int = 0,
     workers: int | None = None,
     grid_size: int = DEFAULT_GRID_SIZE,
@@ -43,8 +43,8 @@ def evaluate(
         task: "light_chase", "obstacle" or "carry_ball".
         engine: "batched" (numba, fast), "box2d" (the reference), or "auto": batched where numba
             is installed, else box2d.
-        scenarios: R scenarios for all genomes, or P rows of R; None draws them from ``seed``.
-        runs: number of scenarios to draw, 12 in the paper; ignored if ``scenarios`` are given.
+        scenarios: E scenarios for all genomes, or P rows of E; None draws them from ``seed``.
+        episodes: number of scenarios to draw, 12 in the paper; ignored if ``scenarios`` are given.
         seed: of the scenarios that are drawn; ignored likewise.
         workers: processes or threads; None for one per core, or for one process where there is too
             little to do for more. Results do not depend on it.
@@ -53,19 +53,19 @@ def evaluate(
         success_radius: units; None for the task's own.
 
     Returns:
-        Arrays over genomes and runs, see ``Evaluation``. Bodies that the task cannot use are not
-        simulated and get 0.01 per correct part.
+        Arrays over genomes and episodes, see ``Evaluation``. Bodies that the task cannot use are
+        not simulated and get 0.01 per correct part.
 
     Raises:
         GenomeError: wrong shape, or values that are not finite.
         TaskError, ScenarioError, BodyError: a setting out of range.
-        ValueError: unknown engine, ``workers`` that is no positive integer, negative seed.
+        EngineSettingError: unknown engine, or ``workers`` that is no positive integer.
         EngineError: a worker was lost.
     """
     settings = task_settings(task, grid_size, distance_score, success_radius)
     checked = nca_layout(settings.task).check_genomes(genomes)
     if scenarios is None:
-        scenarios = sample_scenarios(settings.task, seed, runs, settings.grid_size)
+        scenarios = sample_scenarios(settings.task, seed, episodes, settings.grid_size)
     engine = resolve_engine(engine)
     if workers is None and len(checked) < _WORTH_WORKERS and engine == "box2d":
         workers = 1

@@ -6,7 +6,7 @@ contribute a constant per cell to the first layer; only the channels that change
 cells that are empty or outside the grid contribute nothing, so they are not visited.
 
 Arrays are flat float32. States lie ``[cell][run][channel]`` with the channels padded to
-``GROWTH_LANES`` or ``CONTROL_LANES``, features ``[run][feature]`` padded to ``FEATURE_LANES``.
+``GROWTH_LANES`` or ``CONTROL_LANES``, units ``[run][unit]`` padded to ``UNIT_LANES``.
 Every value is computed in one fixed order, so results depend neither on the thread nor on the
 place of a run or a genome. Source: paper section 3.
 """
@@ -23,9 +23,9 @@ from ncrs.automaton.channels import (
     ALIVE_THRESHOLD,
     BODY_CHANNEL,
     CONTROL_CHANNEL,
-    FEATURES,
     FIRST_PART_CHANNEL,
     HIDDEN_CHANNELS,
+    HIDDEN_UNITS,
     KERNEL_SIZE,
     STATE_LIMIT,
     NCALayout,
@@ -39,8 +39,8 @@ from ncrs.engines.tiles import (
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.body import Cell
 
-FEATURE_LANES = 32
-"""The features of the first and the second layer, padded to whole vectors."""
+UNIT_LANES = 32
+"""The units of the first and the second layer, padded to whole vectors."""
 GROWTH_LANES = 16
 """All channels, padded."""
 CONTROL_LANES = 8
@@ -67,13 +67,13 @@ class Network(NamedTuple):
     """
 
     first: FloatArray
-    """``[kernel position][channel][feature]``, positions row by row."""
+    """``[kernel position][channel][unit]``, positions row by row."""
     first_bias: FloatArray
     second: FloatArray
-    """``[feature in][feature out]``."""
+    """``[unit in][unit out]``."""
     second_bias: FloatArray
     third: FloatArray
-    """``[feature][channel]`` with the channels' padding."""
+    """``[unit][channel]`` with the channels' padding."""
     third_bias: FloatArray
 
 
@@ -102,12 +102,12 @@ def pack_genomes(genomes: FloatArray, layout: NCALayout) -> tuple[Network, Netwo
     population = len(genomes)
     weight1, bias1, weight2, bias2, weight3, bias3 = layout.layers(genomes)
     positions = KERNEL_SIZE * KERNEL_SIZE
-    weight1 = weight1.reshape(population, FEATURES, layout.channels, positions)
+    weight1 = weight1.reshape(population, HIDDEN_UNITS, layout.channels, positions)
     shared = (
-        _padded(weight1.transpose(0, 3, 2, 1), FEATURE_LANES),
-        _padded(bias1, FEATURE_LANES),
-        _padded(weight2[..., 0, 0].transpose(0, 2, 1), FEATURE_LANES),
-        _padded(bias2, FEATURE_LANES),
+        _padded(weight1.transpose(0, 3, 2, 1), UNIT_LANES),
+        _padded(bias1, UNIT_LANES),
+        _padded(weight2[..., 0, 0].transpose(0, 2, 1), UNIT_LANES),
+        _padded(bias2, UNIT_LANES),
     )
     third = np.array(weight3[..., 0, 0].transpose(0, 2, 1))
     third_bias = bias3.copy()
@@ -173,7 +173,7 @@ def link_cells(exists: NDArray[Any], channels: int, first_channel: int) -> Graph
                     if exists[i, j] != 0:
                         position = (i - row + _REACH) * KERNEL_SIZE + j - column + _REACH
                         source[links] = numbers[i, j]
-                        weights[links] = (position * channels + first_channel) * FEATURE_LANES
+                        weights[links] = (position * channels + first_channel) * UNIT_LANES
                         links += 1
             start[numbers[row, column] + 1] = links
     return Graph(start, source, weights)
@@ -194,7 +194,7 @@ def _make_cell_update(rows: int, lanes: int) -> Callable[..., None]:
         runs: int,
         states: FloatArray,
         updated: FloatArray,
-        features: FloatArray,
+        units: FloatArray,
     ) -> None:
         """Write ``clip(x + dx)`` of ``cell`` in runs ``run`` to ``run + rows`` to ``updated``.
 
@@ -209,28 +209,28 @@ def _make_cell_update(rows: int, lanes: int) -> Callable[..., None]:
             runs: runs in the state arrays.
             states: current states.
             updated: output.
-            features: scratch for two layers of ``rows`` runs.
+            units: scratch for two layers of ``rows`` runs.
         """
-        tile = repeat_row(rows, FEATURE_LANES, constants, constant)
+        tile = repeat_row(rows, UNIT_LANES, constants, constant)
         for link in range(graph.start[cell], graph.start[cell + 1]):
             source = (graph.source[link] * runs + run) * lanes
             weights = graph.weights[link]
             for channel in range(inputs):
-                weight = weights + channel * FEATURE_LANES
+                weight = weights + channel * UNIT_LANES
                 tile = add_outer_product(
                     tile, network.first, weight, states, source + channel, lanes
                 )
-        store_rectified(tile, features, 0, FEATURE_LANES)
-        second = rows * FEATURE_LANES
-        tile = repeat_row(rows, FEATURE_LANES, network.second_bias, 0)
-        for feature in range(FEATURES):
-            weight = feature * FEATURE_LANES
-            tile = add_outer_product(tile, network.second, weight, features, feature, FEATURE_LANES)
-        store_rectified(tile, features, second, FEATURE_LANES)
+        store_rectified(tile, units, 0, UNIT_LANES)
+        second = rows * UNIT_LANES
+        tile = repeat_row(rows, UNIT_LANES, network.second_bias, 0)
+        for unit in range(HIDDEN_UNITS):
+            weight = unit * UNIT_LANES
+            tile = add_outer_product(tile, network.second, weight, units, unit, UNIT_LANES)
+        store_rectified(tile, units, second, UNIT_LANES)
         change = repeat_row(rows, lanes, network.third_bias, 0)
-        for feature in range(FEATURES):
+        for unit in range(HIDDEN_UNITS):
             change = add_outer_product(
-                change, network.third, feature * lanes, features, second + feature, FEATURE_LANES
+                change, network.third, unit * lanes, units, second + unit, UNIT_LANES
             )
         place = (cell * runs + run) * lanes
         store_clipped_sum(change, _LIMIT, states, updated, place, lanes)
@@ -258,7 +258,7 @@ def growth_step(
         states: ``[cell][GROWTH_LANES]``.
         updated: output, same layout.
     """
-    features = np.empty(2 * FEATURE_LANES, dtype=np.float32)
+    units = np.empty(2 * UNIT_LANES, dtype=np.float32)
     finite = True
     for cell in range(graph.start.shape[0] - 1):
         alive = False
@@ -268,7 +268,7 @@ def growth_step(
         if alive:
             _update_growing_cell(
                 network, network.first_bias, 0, graph, channels, cell, 0, 1,
-                states, updated, features,
+                states, updated, units,
             )  # fmt: skip
         else:
             updated[cell * GROWTH_LANES : (cell + 1) * GROWTH_LANES] = 0.0
@@ -324,19 +324,19 @@ def grow_body(
 def control_constants(
     network: Network, part_codes: NDArray[np.int8], body: NDArray[np.int8]
 ) -> FloatArray:
-    """What bias and fixed channels add to the first layer, ``[occupied cell][feature]``.
+    """What bias and fixed channels add to the first layer, ``[occupied cell][unit]``.
 
     The control flag is 1 in every cell of the grid, body and part channels in occupied ones.
     """
     n = body.shape[0]
     channels = FIRST_PART_CHANNEL + part_codes.shape[0] + CHANGING_CHANNELS
-    constants = np.empty(n * n * FEATURE_LANES, dtype=np.float32)
+    constants = np.empty(n * n * UNIT_LANES, dtype=np.float32)
     cell = 0
     for row in range(n):
         for column in range(n):
             if body[row, column] == _EMPTY:
                 continue
-            total = constants[cell * FEATURE_LANES : (cell + 1) * FEATURE_LANES]
+            total = constants[cell * UNIT_LANES : (cell + 1) * UNIT_LANES]
             total[:] = network.first_bias
             cell += 1
             for i in range(max(row - _REACH, 0), min(row + _REACH + 1, n)):
@@ -350,13 +350,13 @@ def control_constants(
                     for part in range(part_codes.shape[0]):
                         if part_codes[part] == body[i, j]:
                             _add_weights(network.first, first + FIRST_PART_CHANNEL + part, total)
-    return constants[: cell * FEATURE_LANES]
+    return constants[: cell * UNIT_LANES]
 
 
 @kernel
 def _add_weights(first: FloatArray, row: int, total: FloatArray) -> None:
-    for feature in range(FEATURE_LANES):
-        total[feature] += first[row * FEATURE_LANES + feature]
+    for unit in range(UNIT_LANES):
+        total[unit] += first[row * UNIT_LANES + unit]
 
 
 @kernel
@@ -378,10 +378,10 @@ def control_step(
         states: ``[occupied cell][run][CONTROL_LANES]``.
         updated: output, same layout.
     """
-    features = np.empty(2 * RUN_TILE * FEATURE_LANES, dtype=np.float32)
+    units = np.empty(2 * RUN_TILE * UNIT_LANES, dtype=np.float32)
     for cell in range(graph.start.shape[0] - 1):
         for run in range(0, runs, RUN_TILE):
             _update_control_cells(
-                network, constants, cell * FEATURE_LANES, graph, CHANGING_CHANNELS, cell, run,
-                runs, states, updated, features,
+                network, constants, cell * UNIT_LANES, graph, CHANGING_CHANNELS, cell, run,
+                runs, states, updated, units,
             )  # fmt: skip

@@ -97,7 +97,7 @@ def roll_out_population(
     workspace: Workspace,
     genomes: IntArray,
     bodies: NDArray[np.int8],
-    run_fitness: NDArray[np.float64],
+    episode_fitness: NDArray[np.float64],
     success: NDArray[np.bool_],
     crossed: NDArray[np.bool_],
     closest: NDArray[np.float64],
@@ -113,7 +113,7 @@ def roll_out_population(
         workspace: this call's own.
         genomes: which genomes to roll out.
         bodies: cell codes, ``(P, n, n)``, valid for these genomes.
-        run_fitness: output, ``(P, R)``: mean reward; NaN where the state turned non-finite.
+        episode_fitness: output, ``(P, R)``: mean reward; NaN where the state turned non-finite.
         success: output, ``(P, R)``.
         crossed: output, ``(P, R)``.
         closest: output, ``(P, R, D)``: least distances to the light, or to the ball and of that to
@@ -128,7 +128,7 @@ def roll_out_population(
             steps,
             workspace,
             bodies[genome],
-            run_fitness[genome],
+            episode_fitness[genome],
             success[genome],
             crossed[genome],
             closest[genome],
@@ -144,7 +144,7 @@ def _roll_out_genome(
     steps: int,
     workspace: Workspace,
     body: NDArray[np.int8],
-    run_fitness: NDArray[np.float64],
+    episode_fitness: NDArray[np.float64],
     success: NDArray[np.bool_],
     crossed: NDArray[np.bool_],
     closest: NDArray[np.float64],
@@ -158,7 +158,7 @@ def _roll_out_genome(
     observations = np.zeros((runs, n * n), dtype=np.float32)
     actions = np.zeros((runs, n * n), dtype=np.float32)
     for run in range(runs):
-        run_fitness[run] = 0.0
+        episode_fitness[run] = 0.0
         reset_run(settings, robot, cells, scenarios[run], physics[run], observations[run])
 
     fixed = FIRST_PART_CHANNEL + part_codes.shape[0]
@@ -175,20 +175,20 @@ def _roll_out_genome(
             states, updated = updated, states
         for run in range(runs):
             if not read_wheels(cells, numbers, states, tiled_runs, run, actions[run]):
-                run_fitness[run] = np.nan
-            if np.isfinite(run_fitness[run]):
-                run_fitness[run] += step_run(
+                episode_fitness[run] = np.nan
+            if np.isfinite(episode_fitness[run]):
+                episode_fitness[run] += step_run(
                     settings, robot, cells, scenarios[run], physics[run],
                     workspace.scratch, actions[run], observations[run],
                 )  # fmt: skip
     for run in range(runs):
-        run_fitness[run] /= steps
+        episode_fitness[run] /= steps
         success[run] = physics[run, STATE_SUCCESS] != 0.0
         crossed[run] = physics[run, STATE_CROSSED] != 0.0
         for distance in range(closest.shape[1]):
             closest[run, distance] = physics[run, STATE_CLOSEST + distance]
         if not _is_finite(states, tiled_runs, run):
-            run_fitness[run] = np.nan
+            episode_fitness[run] = np.nan
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""The archive of a quality-diversity search: the best genome of every feature triple.
+"""The archive of a quality-diversity search: the best genome of every measure triple.
 
 Source: paper section 5. Nothing here knows tasks or environments, so that optimizers can use it.
 """
@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs_envs.errors import NCRSError
+
 PAPER_TRIPLES = 2024
 """The paper divides by this in all tasks; it is the number of triples of CarryBall alone."""
 SEED_LENGTH = 4
@@ -22,15 +24,15 @@ NO_CELL = -1
 STANDING_STILL_MARGIN = 0.01
 """An elite beats standing still if it earns at least this much more: a robot that merely creeps
 gains less (0.01 is about 1.4 units nearer to LightChase's light, averaged over an episode)."""
-SUCCESS_SHARE = 0.5
-"""An elite succeeds if at least this share of its runs does."""
+SUCCESS_FRACTION = 0.5
+"""An elite succeeds if at least this fraction of its episodes does."""
 
 
-class ArchiveError(ValueError):
+class ArchiveError(NCRSError, ValueError):
     """Values that an archive cannot take, or a state of another archive."""
 
 
-class Status(IntEnum):
+class AddStatus(IntEnum):
     """What adding a genome did."""
 
     NONE = 0
@@ -39,21 +41,21 @@ class Status(IntEnum):
 
 
 @dataclass(frozen=True)
-class Additions:
+class AddResult:
     """What adding P genomes did, one after the other."""
 
     cells: NDArray[np.int64]
     """Cell of each genome, ``(P,)``; -1 without one: an invalid body, or NaN fitness."""
     status: NDArray[np.int8]
-    """``Status`` of each, ``(P,)``."""
+    """``AddStatus`` of each, ``(P,)``."""
     improvement: NDArray[np.float64]
     """Fitness minus that of the elite found in the cell, or fitness itself if the cell was empty
     (Fontaine et al. 2020, algorithm 2); ``(P,)``, NaN without a cell."""
 
 
 @dataclass(frozen=True)
-class FeatureSpace:
-    """All feature triples (sensors, wheels, cells) that bodies can have.
+class MeasureSpace:
+    """All measure triples (sensors, wheels, cells) that bodies can have.
 
     Those with ``sensors >= min_sensors``, ``wheels >= min_wheels`` and
     ``sensors + wheels <= cells <= max_cells``: 2,300 for one sensor and two wheels on 5 x 5 cells,
@@ -79,15 +81,15 @@ class FeatureSpace:
         table[tuple(self.triples.T)] = np.arange(len(self.triples))
         return table
 
-    def cells(self, features: NDArray[np.integer]) -> NDArray[np.int64]:
-        """Index into ``triples`` of each row of ``features``, ``(P,)``; -1 if it is no triple."""
-        inside = ((features >= 0) & (features <= self.max_cells)).all(axis=1)
-        clipped = np.clip(features, 0, self.max_cells)
+    def cells(self, measures: NDArray[np.integer]) -> NDArray[np.int64]:
+        """Index into ``triples`` of each row of ``measures``, ``(P,)``; -1 if it is no triple."""
+        inside = ((measures >= 0) & (measures <= self.max_cells)).all(axis=1)
+        clipped = np.clip(measures, 0, self.max_cells)
         return np.where(inside, self._table[tuple(clipped.T)], NO_CELL)
 
 
 class Archive:
-    """One elite per feature triple, replaced when a better one comes.
+    """One elite per measure triple, replaced when a better one comes.
 
     Args:
         space: the possible triples, K of them.
@@ -95,7 +97,7 @@ class Archive:
         grid_size: side n of the bodies' grid.
     """
 
-    def __init__(self, space: FeatureSpace, dimension: int, grid_size: int) -> None:
+    def __init__(self, space: MeasureSpace, dimension: int, grid_size: int) -> None:
         self.space = space
         self.dimension = int(dimension)
         self.grid_size = int(grid_size)
@@ -129,15 +131,15 @@ class Archive:
 
         Args:
             name: "genomes" float32 ``(E, N)``, "bodies" int8 ``(E, n, n)``, "fitness" float64,
-                "success" float64 (share of runs, 0 to 1), "standing_still" float64 (what standing
-                still earns in the elite's scenarios), "generations" int64, or "seeds" int64
+                "success" float64 (fraction of episodes, 0 to 1), "standing_still" float64 (fitness
+                of standing still in the elite's scenarios), "generations" int64, or "seeds" int64
                 ``(E, 4)``; the others are ``(E,)``.
         """
         taken: NDArray[Any] = self._columns[name][self.cells]
         return taken
 
     @property
-    def features(self) -> NDArray[np.int64]:
+    def measures(self) -> NDArray[np.int64]:
         """Triples of the elites, ``(E, 3)``."""
         return self.space.triples[self.cells]
 
@@ -145,22 +147,22 @@ class Archive:
         self,
         genomes: NDArray[np.floating],
         fitness: NDArray[np.float64],
-        features: NDArray[np.integer],
+        measures: NDArray[np.integer],
         bodies: NDArray[np.int8],
         *,
         success: NDArray[np.float64] | float = 0.0,
         standing_still: NDArray[np.float64] | float = 0.0,
         generation: int = 0,
         seeds: NDArray[np.int64] | None = None,
-    ) -> Additions:
+    ) -> AddResult:
         """Offer genomes in order; each replaces the elite of its triple if its fitness is larger.
 
         Args:
             genomes: ``(P, N)``, kept in float32.
             fitness: ``(P,)``; NaN is never an elite.
-            features: ``(P, 3)``; -1 for bodies that the task cannot use, which are never elites.
+            measures: ``(P, 3)``; -1 for bodies that the task cannot use, which are never elites.
             bodies: ``(P, n, n)``.
-            success: share of each genome's runs that succeeded, ``(P,)`` or one for all.
+            success: fraction of each genome's episodes that succeeded, ``(P,)`` or one for all.
             standing_still: what standing still earns in its scenarios, likewise.
             generation: when they were evaluated.
             seeds: ``(P, 4)`` or ``(4,)``: entropy, then spawn key of the ``SeedSequence`` of the
@@ -172,7 +174,7 @@ class Archive:
         fitness = np.asarray(fitness, dtype=np.float64)
         count = len(fitness)
         self._check("genomes", genomes, (count, self.dimension))
-        self._check("features", features, (count, 3))
+        self._check("measures", measures, (count, 3))
         self._check("bodies", bodies, (count, self.grid_size, self.grid_size))
         _check_not_infinite(fitness)
         offered = {
@@ -184,21 +186,21 @@ class Archive:
             "generations": np.broadcast_to(generation, count),
             "seeds": np.broadcast_to(0 if seeds is None else seeds, (count, SEED_LENGTH)),
         }
-        cells = np.where(np.isnan(fitness), NO_CELL, self.space.cells(np.asarray(features)))
+        cells = np.where(np.isnan(fitness), NO_CELL, self.space.cells(np.asarray(measures)))
         status = np.zeros(count, dtype=np.int8)
         improvement = np.full(count, np.nan)
         best = self._columns["fitness"]
         for index in np.flatnonzero(cells != NO_CELL):
             cell, value = cells[index], fitness[index]
             if np.isnan(best[cell]):
-                status[index], improvement[index] = Status.NEW, value
+                status[index], improvement[index] = AddStatus.NEW, value
             else:
                 improvement[index] = value - best[cell]
-                status[index] = Status.IMPROVED if value > best[cell] else Status.NONE
-            if status[index] != Status.NONE:
+                status[index] = AddStatus.IMPROVED if value > best[cell] else AddStatus.NONE
+            if status[index] != AddStatus.NONE:
                 for name, column in self._columns.items():
                     column[cell] = offered[name][index]
-        return Additions(cells, status, improvement)
+        return AddResult(cells, status, improvement)
 
     def replace_estimates(
         self,
@@ -251,9 +253,9 @@ class Archive:
     def statistics(self) -> dict[str, float]:
         """Numbers for reports; best and mean are left out while the archive is empty.
 
-        "filled_share" and "qd_score" (sum of the elites' fitness) are per possible triple, the
+        "filled_fraction" and "qd_score" (sum of the elites' fitness) are per possible triple, the
         "_of_2024" ones per triple as the paper counts them. "beat_standing_still" and "succeed"
-        count elites, see ``STANDING_STILL_MARGIN`` and ``SUCCESS_SHARE``.
+        count elites, see ``STANDING_STILL_MARGIN`` and ``SUCCESS_FRACTION``.
         """
         fitness = self.column("fitness")
         gain = fitness - self.column("standing_still")
@@ -261,12 +263,12 @@ class Archive:
         possible = len(self.space.triples)
         statistics = {
             "filled": float(len(fitness)),
-            "filled_share": len(fitness) / possible,
-            "filled_share_of_2024": len(fitness) / PAPER_TRIPLES,
+            "filled_fraction": len(fitness) / possible,
+            "filled_fraction_of_2024": len(fitness) / PAPER_TRIPLES,
             "qd_score": total / possible,
             "qd_score_of_2024": total / PAPER_TRIPLES,
             "beat_standing_still": float((gain >= STANDING_STILL_MARGIN).sum()),
-            "succeed": float((self.column("success") >= SUCCESS_SHARE).sum()),
+            "succeed": float((self.column("success") >= SUCCESS_FRACTION).sum()),
         }
         if len(fitness):
             statistics |= {"best": float(fitness.max()), "mean": float(fitness.mean())}
@@ -284,7 +286,7 @@ class Archive:
         """Become the archive that gave ``state``.
 
         Raises:
-            ArchiveError: the state is of other features, genomes or bodies, or damaged; nothing
+            ArchiveError: the state is of other measures, genomes or bodies, or damaged; nothing
                 is changed.
         """
         for key, value in self._identity.items():
@@ -319,7 +321,7 @@ class Archive:
     @classmethod
     def from_state(cls, state: Mapping[str, Any]) -> Archive:
         """The archive that gave ``state``; raises as ``load_state`` does."""
-        archive = cls(FeatureSpace(**state["space"]), state["dimension"], state["grid_size"])
+        archive = cls(MeasureSpace(**state["space"]), state["dimension"], state["grid_size"])
         archive.load_state(state)
         return archive
 

@@ -15,7 +15,7 @@ def objective(
     success_bonus: float = 0.0,
     approach_bonus: float = 0.0,
 ) -> NDArray[np.float64]:
-    """Mean over the runs of what the search should maximise, for each genome.
+    """Mean over the episodes of what the search should maximise, for each genome.
 
     The fitness of the paper is the mean reward, which hardly changes when a robot comes near enough
     at last. The paper's discussion suggests to shape it by success.
@@ -23,8 +23,8 @@ def objective(
     Args:
         evaluation: of some genomes.
         settings: the task's.
-        success_bonus: what a run that succeeds earns beside its mean reward.
-        approach_bonus: what a run earns for its closest approach ``d`` to the light, times
+        success_bonus: what an episode that succeeds earns beside its mean reward.
+        approach_bonus: what an episode earns for its closest approach ``d`` to the light, times
             ``exp(-d / P)`` with the playfield's half side P; in CarryBall the mean for the robot's
             closest approach to the ball and the ball's to the target.
 

@@ -24,7 +24,7 @@ def reestimate(
     archive: Archive,
     engine: Engine,
     stream: np.random.SeedSequence,
-    runs: int,
+    episodes: int,
     should_stop: StopCheck | None = None,
     sampling: ScenarioSampling = PLAIN_SAMPLING,
 ) -> int:
@@ -36,7 +36,7 @@ def reestimate(
         archive: changed in place, only after all elites were evaluated.
         engine: of the archive's task.
         stream: of the scenarios.
-        runs: number of scenarios.
+        episodes: number of scenarios.
         should_stop: polled now and then; True ends the evaluation.
         sampling: how the scenarios are drawn.
 
@@ -49,7 +49,7 @@ def reestimate(
         EvaluationInterrupted: ``should_stop`` returned True.
     """
     settings = engine.settings
-    scenarios = sampling.draw(settings.task, stream, runs, settings.grid_size)
+    scenarios = sampling.draw(settings.task, stream, episodes, settings.grid_size)
     genomes = archive.column("genomes")
     if not len(genomes):
         return 0

@@ -205,18 +205,18 @@ def _record(
     growth = record_growth(population, settings.grid_size)
     grown = growth.bodies.astype(np.uint8)
     states = quantize(np.moveaxis(growth.states, -1, 2), limits["state"], np.int8)
-    runs = record_episodes(robots.genomes[rows], bodies, scenarios, settings)
-    angles = np.remainder(runs.poses[..., 2] + np.pi, 2.0 * np.pi) - np.pi
+    recorded = record_episodes(robots.genomes[rows], bodies, scenarios, settings)
+    angles = np.remainder(recorded.poses[..., 2] + np.pi, 2.0 * np.pi) - np.pi
     columns = {
-        "position": quantize(runs.poses[..., :2], limits["position"], np.int16),
+        "position": quantize(recorded.poses[..., :2], limits["position"], np.int16),
         "angle": quantize(angles, limits["angle"], np.int16),
-        "reward": quantize(runs.rewards, limits["unit"], np.uint16),
-        "control": quantize(np.moveaxis(runs.control_states, -1, 2), limits["state"], np.int8),
+        "reward": quantize(recorded.rewards, limits["unit"], np.uint16),
+        "control": quantize(np.moveaxis(recorded.control_states, -1, 2), limits["state"], np.int8),
     }
     if settings.task.has_ball:
-        columns["ball"] = quantize(runs.balls, limits["position"], np.int16)
-    sensors = quantize(runs.sensors, limits["unit"], np.uint8)
-    gas = quantize(runs.gas, limits["unit"], np.int8)
+        columns["ball"] = quantize(recorded.balls, limits["position"], np.int16)
+    sensors = quantize(recorded.sensors, limits["unit"], np.uint8)
+    gas = quantize(recorded.gas, limits["unit"], np.int8)
     records = []
     for robot, body in enumerate(bodies):
         episodes = [
@@ -224,8 +224,8 @@ def _record(
                 **{name: pack(values[robot, episode]) for name, values in columns.items()},
                 "sensors": pack(sensors[robot, episode][:, sensor_mask(body)]),
                 "gas": pack(gas[robot, episode][:, wheel_mask(body)]),
-                "fitness": float(runs.fitness[robot, episode]),
-                "successStep": int(runs.success_steps[robot, episode]),
+                "fitness": float(recorded.fitness[robot, episode]),
+                "successStep": int(recorded.success_steps[robot, episode]),
             }
             for episode in range(len(scenarios))
         ]

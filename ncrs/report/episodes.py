@@ -94,13 +94,13 @@ def record_episodes(
     Raises:
         ReportError: a robot's gas is no longer finite.
     """
-    count, runs, n = len(bodies), len(scenarios), settings.grid_size
+    count, number, n = len(bodies), len(scenarios), settings.grid_size
     layout = nca_layout(settings.task)
     _, networks = pack_genomes(genomes, layout)
     part_codes = np.array(layout.part_codes, dtype=np.int8)
     task = settings_array(settings.task, n, settings.score, settings.success_radius)
     table = scenario_arrays(scenarios, n)
-    tapes = make_tapes(count, runs, steps, n * n)
+    tapes = make_tapes(count, number, steps, n * n)
 
     def record(chosen: NDArray[np.int64]) -> None:
         workspace = make_workspace(n)
@@ -116,7 +116,7 @@ def record_episodes(
             f"Episodes cannot be recorded: the gas of robots {lost.tolist()} is not finite; their "
             "weights are too large."
         )
-    grid = (count, runs, steps + 1, n, n)
+    grid = (count, number, steps + 1, n, n)
     return Episodes(
         poses=tapes.poses,
         balls=tapes.balls,
@@ -125,7 +125,7 @@ def record_episodes(
         rewards=tapes.rewards,
         success_steps=tapes.success_steps,
         control_states=_control_states(
-            tapes.changing.reshape(count, runs, n, n, -1), bodies, layout
+            tapes.changing.reshape(count, number, n, n, -1), bodies, layout
         ),
     )
 

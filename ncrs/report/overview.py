@@ -36,7 +36,7 @@ CHARTS: Sequence[tuple[str, Mapping[str, str]]] = (
     ),
     (
         "Archive",
-        {"archive/filled_share": "triples filled", "archive/qd_score": "QD score"},
+        {"archive/filled_fraction": "triples filled", "archive/qd_score": "QD score"},
     ),
 )
 """Title of each chart, and its curves' names by tag."""
@@ -108,11 +108,11 @@ def facts(config: TrainConfig, robots: Robots, curves: Mapping[str, Curve]) -> d
         statistics = robots.archive.statistics()
         possible = len(robots.archive.space.triples)
         lines |= {
-            "Elites": f"{robots.elites:,} of {possible:,} feature triples "
-            f"({statistics['filled_share']:.1%})",
+            "Elites": f"{robots.elites:,} of {possible:,} measure triples "
+            f"({statistics['filled_fraction']:.1%})",
             "QD score": f"{statistics['qd_score']:.4f}",
             "Best elite": f"{statistics['best']:.4f}",
-            "Elites that succeed in half of their runs": f"{statistics['succeed']:,.0f}",
+            "Elites that succeed in half of their episodes": f"{statistics['succeed']:,.0f}",
         }
     return lines
 
@@ -201,11 +201,11 @@ def robot_table(robots: Robots) -> dict[str, Any]:
     space = robots.archive.space
     return {
         "elites": robots.elites,
-        "eliteRuns": robots.elite_runs,
+        "eliteEpisodes": robots.elite_episodes,
         "champion": None if robots.champion is None else robots.elites,
         "championSource": None if robots.champion is None else robots.champion.source,
         "space": [space.min_sensors, space.min_wheels, space.max_cells],
-        "features": robots.features.tolist(),
+        "measures": robots.measures.tolist(),
         "fitness": robots.fitness.tolist(),
         "success": robots.success.tolist(),
         "generation": robots.generations.tolist(),

@@ -13,10 +13,11 @@ from ncrs.evolution.archive import Archive
 from ncrs.runs.champion import CHAMPION_FILE, Champion, load_champion_file
 from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, load_archive, make_archive
 from ncrs.runs.settings import ConfigError, TaskConfig
-from ncrs_envs.body import body_features
+from ncrs_envs.body import body_measures
+from ncrs_envs.errors import NCRSError
 
 
-class ReportError(ValueError):
+class ReportError(NCRSError, ValueError):
     """A report that cannot be made, or not where it was asked for."""
 
 
@@ -31,14 +32,14 @@ class Robots:
     task: TaskConfig
     archive: Archive
     """Empty for runs without elites."""
-    elite_runs: int
+    elite_episodes: int
     """Scenarios behind an elite's fitness; 0 without an archive."""
     champion: Champion | None
     genomes: NDArray[np.float32]
     """Shape ``(R, N)``."""
     bodies: NDArray[np.int8]
     """Cell codes, ``(R, n, n)``."""
-    features: NDArray[np.int64]
+    measures: NDArray[np.int64]
     """Sensors, wheels, cells; ``(R, 3)``."""
     fitness: NDArray[np.float64]
     """Shape ``(R,)``; so are the next two."""
@@ -88,7 +89,7 @@ def gather_robots(archive: EliteArchive | None, champion: Champion | None) -> Ro
         name: elites.column(name)
         for name in ("genomes", "bodies", "fitness", "success", "generations")
     }
-    features = elites.features
+    measures = elites.measures
     if champion is not None:
         last = {
             "genomes": champion.genome,
@@ -101,13 +102,13 @@ def gather_robots(archive: EliteArchive | None, champion: Champion | None) -> Ro
             name: np.concatenate([column, np.asarray(last[name], dtype=column.dtype)[None]])
             for name, column in columns.items()
         }
-        features = np.concatenate([features, body_features(champion.body)[None]])
+        measures = np.concatenate([measures, body_measures(champion.body)[None]])
     return Robots(
         task=task,
         archive=elites,
-        elite_runs=0 if archive is None else archive.runs,
+        elite_episodes=0 if archive is None else archive.episodes,
         champion=champion,
-        features=features,
+        measures=measures,
         **columns,
     )
 

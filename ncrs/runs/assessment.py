@@ -24,24 +24,24 @@ _STREAM = 3
 
 
 @dataclass(frozen=True)
-class Share:
+class Proportion:
     """How often something happened."""
 
     count: int
     episodes: int
-    share: float
+    fraction: float
     interval: tuple[float, float]
     """95 % Wilson interval of the share."""
 
     @classmethod
-    def of(cls, count: int, episodes: int) -> Share:
-        """Share and interval of a count."""
+    def of(cls, count: int, episodes: int) -> Proportion:
+        """Proportion and interval of a count."""
         return cls(count, episodes, count / episodes, wilson_interval(count, episodes))
 
     def percentages(self) -> tuple[str, str, str]:
         """The share and the ends of its interval, as precisely as the episodes allow."""
         digits = 0 if self.episodes < _EPISODES_OF_A_DECIMAL else 1
-        share, low, high = (f"{value:.{digits}%}" for value in (self.share, *self.interval))
+        share, low, high = (f"{value:.{digits}%}" for value in (self.fraction, *self.interval))
         return share, low, high
 
     def __str__(self) -> str:
@@ -58,8 +58,8 @@ class Assessment:
     seed: int
     fitness: float
     fitness_standard_error: float
-    success: Share
-    crossed: Share | None
+    success: Proportion
+    crossed: Proportion | None
     """Obstacle only."""
     body: str
     """Rows of characters."""
@@ -98,23 +98,23 @@ def assess(
 
     Raises:
         ScenarioError: ``episodes`` is not a positive integer.
-        ValueError: unknown engine, negative seed.
+        EngineSettingError: unknown engine.
     """
     settings = champion.task_settings
     stream = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
     scenarios = sample_scenarios(settings.task, stream, episodes, settings.grid_size)
     with make_engine(engine, settings, workers) as running:
         result = running.evaluate(champion.genome, scenarios)
-    runs = result.run_fitness[0]
-    spread = float(runs.std(ddof=1)) if episodes > 1 else 0.0
-    crossed = Share.of(int(result.crossed[0].sum()), episodes)
+    episode_fitness = result.episode_fitness[0]
+    spread = float(episode_fitness.std(ddof=1)) if episodes > 1 else 0.0
+    crossed = Proportion.of(int(result.crossed[0].sum()), episodes)
     return Assessment(
         task=settings.task.name,
         engine=engine,
         seed=seed,
-        fitness=float(runs.mean()),
+        fitness=float(episode_fitness.mean()),
         fitness_standard_error=spread / float(np.sqrt(episodes)),
-        success=Share.of(int(result.success[0].sum()), episodes),
+        success=Proportion.of(int(result.success[0].sum()), episodes),
         crossed=crossed if settings.task.has_walls else None,
         body=body_to_characters(result.bodies[0]),
     )

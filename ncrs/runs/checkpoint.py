@@ -7,6 +7,8 @@ anything is made of the contents.
 
 from __future__ import annotations
 
+from ncrs_envs.errors import NCRSError
+
 import io
 import json
 import os
@@ -29,7 +31,7 @@ _TEMPORARY = ".tmp"
 _DAMAGED = ".damaged"
 
 
-class CheckpointError(RuntimeError):
+class CheckpointError(NCRSError, RuntimeError):
     """A checkpoint that cannot be written or read."""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ncrs_envs.errors import NCRSError
+
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -9,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.evolution.archive import NO_CELL, Archive, FeatureSpace
+from ncrs.evolution.archive import NO_CELL, Archive, MeasureSpace
 from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
 from ncrs.engines.base import AUTO_ENGINE, Evaluation
 from ncrs.engines.evaluate import evaluate
@@ -25,27 +27,27 @@ ARCHIVE_FILE = "archive.npz"
 _NEAREST = 5
 
 
-class EliteError(LookupError, ValueError):
-    """A feature triple that no body can have, or that has no elite."""
+class EliteError(NCRSError, LookupError, ValueError):
+    """A measure triple that no body can have, or that has no elite."""
 
 
-def feature_space(task: Task, grid_size: int) -> FeatureSpace:
-    """The feature triples that valid bodies of a task can have."""
+def measure_space(task: Task, grid_size: int) -> MeasureSpace:
+    """The measure triples that valid bodies of a task can have."""
     wheels = sum(count for cell, count in task.required_parts if cell is Cell.WHEEL)
-    return FeatureSpace(task.min_sensors, wheels, grid_size**2)
+    return MeasureSpace(task.min_sensors, wheels, grid_size**2)
 
 
 def make_archive(settings: TaskSettings) -> Archive:
     """An empty archive for a task."""
-    space = feature_space(settings.task, settings.grid_size)
+    space = measure_space(settings.task, settings.grid_size)
     return Archive(space, nca_layout(settings.task).num_parameters, settings.grid_size)
 
 
 @dataclass(frozen=True)
 class Elite:
-    """The best genome known with its features."""
+    """The best genome known with its measures."""
 
-    features: tuple[int, int, int]
+    measures: tuple[int, int, int]
     """Sensors, wheels, cells."""
     genome: NDArray[np.float32]
     """Shape ``(num_parameters,)``."""
@@ -60,7 +62,7 @@ class Elite:
     """When it was found."""
     evaluation_seed: tuple[int, ...]
     """Entropy, then spawn key, of its scenarios."""
-    runs: int
+    episodes: int
     """Number of its scenarios."""
     sampling: ScenarioSampling = PLAIN_SAMPLING
     """How they were drawn."""
@@ -75,7 +77,7 @@ class Elite:
         """The scenarios in which it earned its fitness."""
         entropy, *key = self.evaluation_seed
         stream = np.random.SeedSequence(entropy, spawn_key=key)
-        return self.sampling.draw(self.task.name, stream, self.runs, self.task.grid_size)
+        return self.sampling.draw(self.task.name, stream, self.episodes, self.task.grid_size)
 
     def evaluate(self, engine: str = AUTO_ENGINE) -> Evaluation:
         """Run it in its scenarios again: on the engine it was found on, to the same fitness."""
@@ -92,25 +94,25 @@ class Elite:
 
 @dataclass(frozen=True)
 class EliteArchive:
-    """An archive with the task that its elites are for, and how often each was run."""
+    """An archive with the task that its elites are for, and in how many episodes each was evaluated."""
 
     task: TaskConfig
     archive: Archive
-    runs: int
+    episodes: int
     """Scenarios behind each elite's fitness."""
     sampling: ScenarioSampling = PLAIN_SAMPLING
     """How they were drawn."""
 
-    def elite(self, features: Sequence[int]) -> Elite:
-        """The elite with these features: sensors, wheels, cells.
+    def elite(self, measures: Sequence[int]) -> Elite:
+        """The elite with these measures: sensors, wheels, cells.
 
         Raises:
             EliteError: there is none; the message names the nearest that there are.
         """
-        wanted = np.asarray(features)
+        wanted = np.asarray(measures)
         if wanted.shape != (3,) or not np.issubdtype(wanted.dtype, np.integer):
             raise EliteError(
-                f"features must be three integers, (sensors, wheels, cells), got {features!r}."
+                f"measures must be three integers, (sensors, wheels, cells), got {measures!r}."
             )
         archive = self.archive
         cell = int(archive.space.cells(wanted[None])[0])
@@ -122,7 +124,7 @@ class EliteArchive:
 
         seed = archive.column("seeds")[index].tolist()
         return Elite(
-            features=triple,
+            measures=triple,
             genome=archive.column("genomes")[index],
             body=parse_body(archive.column("bodies")[index], archive.grid_size),
             task=self.task,
@@ -130,12 +132,12 @@ class EliteArchive:
             success=float(archive.column("success")[index]),
             generation=int(archive.column("generations")[index]),
             evaluation_seed=tuple(number for number in seed if number >= 0),
-            runs=self.runs,
+            episodes=self.episodes,
             sampling=self.sampling,
         )
 
     def _missing(self, triple: tuple[int, int, int], *, possible: bool) -> str:
-        space, filled = self.archive.space, self.archive.features
+        space, filled = self.archive.space, self.archive.measures
         reason = (
             "is empty"
             if possible
@@ -151,7 +153,7 @@ class EliteArchive:
         """Write to one file, atomically; ``load_archive`` reads it without pickle."""
         state = {
             "task": asdict(self.task),
-            "runs": self.runs,
+            "episodes": self.episodes,
             "sampling": asdict(self.sampling),
             "archive": self.archive.state(),
         }
@@ -176,7 +178,7 @@ def load_archive(path: str | Path) -> EliteArchive:
         loaded = EliteArchive(
             task,
             Archive.from_state(state["archive"]),
-            int(state["runs"]),
+            int(state["episodes"]),
             # Older archives name the mirroring alone, or have none.
             ScenarioSampling(
                 **state.get("sampling", {"mirroring": state.get("mirroring", "none")})
@@ -190,16 +192,16 @@ def load_archive(path: str | Path) -> EliteArchive:
     return loaded
 
 
-def load_elite(path: str | Path, features: Sequence[int]) -> Elite:
+def load_elite(path: str | Path, measures: Sequence[int]) -> Elite:
     """Load one elite: its NCA, body, genome, task and fitness.
 
     Args:
         path: a run's folder, or an archive's file.
-        features: number of sensors of all types, of wheels, and of occupied cells.
+        measures: number of sensors of all types, of wheels, and of occupied cells.
 
     Raises:
         EliteError: there is no such elite; the message names the nearest that there are.
         ConfigError: there is no such file.
         CheckpointError: the file is damaged, or holds something else.
     """
-    return load_archive(path).elite(features)
+    return load_archive(path).elite(measures)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ncrs_envs.errors import NCRSError
+
 import csv
 import io
 from pathlib import Path
@@ -20,7 +22,7 @@ CSV_COLUMNS = (
 )  # fmt: skip
 
 
-class ExportError(ValueError):
+class ExportError(NCRSError, ValueError):
     """An export that needs a package that is not installed."""
 
 
@@ -36,7 +38,7 @@ def write_csv(elites: EliteArchive, path: Path) -> None:
     writer.writerow(CSV_COLUMNS)
     columns = [archive.column(name) for name in ("fitness", "success", "standing_still")]
     generations, seeds, bodies = map(archive.column, ("generations", "seeds", "bodies"))
-    for index, triple in enumerate(archive.features.tolist()):
+    for index, triple in enumerate(archive.measures.tolist()):
         seed = [str(number) for number in seeds[index].tolist() if number >= 0]
         body = body_to_characters(bodies[index]).replace("\n", "/")
         numbers = [repr(float(column[index])) for column in columns]
@@ -45,7 +47,7 @@ def write_csv(elites: EliteArchive, path: Path) -> None:
 
 
 def to_pyribs(archive: Archive) -> Any:
-    """A ``ribs.archives.GridArchive`` with the same elites, one grid cell per feature triple.
+    """A ``ribs.archives.GridArchive`` with the same elites, one grid cell per measure triple.
 
     Its measures are sensors, wheels and cells; fields "body", "generation", "success" and
     "evaluation_seed" (filled up with -1) go along.
@@ -80,7 +82,7 @@ def to_pyribs(archive: Archive) -> Any:
         result.add(
             archive.column("genomes"),
             archive.column("fitness"),
-            archive.features.astype(np.float64),
+            archive.measures.astype(np.float64),
             body=archive.column("bodies"),
             generation=archive.column("generations"),
             success=archive.column("success"),

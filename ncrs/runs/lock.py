@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ncrs_envs.errors import NCRSError
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +15,7 @@ from ncrs.runs.checkpoint import writing_into
 _LOCK_FILE = ".lock"
 
 
-class RunError(RuntimeError):
+class RunError(NCRSError, RuntimeError):
     """A run that cannot be started or continued in the folder given."""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ncrs_envs.errors import NCRSError
+
 import json
 from dataclasses import dataclass
 from importlib import metadata
@@ -17,7 +19,7 @@ CHECKOUT_FOLDER = Path(__file__).parents[2] / "assets" / "champions"
 _INSTALLED = "share/ncrs/champions"
 
 
-class ChampionError(LookupError, ValueError):
+class ChampionError(NCRSError, LookupError, ValueError):
     """No champion of that name comes with the package."""
 
 

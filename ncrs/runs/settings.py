@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from ncrs_envs.errors import NCRSError
+
 import difflib
 import json
 import math
@@ -25,7 +27,7 @@ SETTINGS_FILE = "config.json"
 _LARGEST_SEED = 2**63 - 1  # the archive keeps seeds as int64
 
 
-class ConfigError(ValueError):
+class ConfigError(NCRSError, ValueError):
     """A setting that is unknown or out of range."""
 
 
@@ -56,7 +58,7 @@ class OptimizerConfig:
     told_popsize: bool | None = None
     step_size: str | None = None
     sigma_decay: float | None = None
-    sigma_least: float | None = None
+    sigma_min: float | None = None
     restart_sigma: float | None = None
     restart_from: str | None = None
     linear_algebra: str | None = None
@@ -72,9 +74,9 @@ class OptimizerConfig:
     initial_genomes: int | None = None
     iso_sigma: float | None = None
     line_sigma: float | None = None
-    sparse_share: float | None = None
-    sparse_sigma_least: float | None = None
-    sparse_sigma_largest: float | None = None
+    sparse_fraction: float | None = None
+    sparse_sigma_min: float | None = None
+    sparse_sigma_max: float | None = None
 
     def given(self) -> dict[str, Any]:
         """The settings that are not null, without the name."""
@@ -101,7 +103,7 @@ class TrainConfig:
     engine: EngineConfig = field(default_factory=EngineConfig)
     seed: int = 0
     generations: int = 100
-    runs: int = 12
+    episodes: int = 12
     """Scenarios per evaluation."""
     common_scenarios: bool = True
     """Whether a generation's genomes share their scenarios (common random numbers)."""
@@ -123,7 +125,7 @@ class TrainConfig:
     one that comes with the package; of another task if you like, see ``ncrs.automaton.transfer``."""
     champion_every: int = 10
     """Generations between two re-evaluations of the candidates for champion."""
-    champion_runs: int = 48
+    champion_episodes: int = 48
     """Scenarios of such a re-evaluation, the same for the whole run."""
     reestimate_every: int = 0
     """Generations between two re-estimations of all the archive's elites; 0 for none."""
@@ -159,19 +161,19 @@ class TrainConfig:
             check_workers(self.engine.workers)
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        if self.runs % 2 and sampling.mirroring != "none":
+        if self.episodes % 2 and sampling.mirroring != "none":
             raise ConfigError(
-                f"runs must be even, since scenarios come in pairs of mirror images, got "
-                f"{self.runs!r}; or set mirroring=none."
+                f"episodes must be even, since scenarios come in pairs of mirror images, got "
+                f"{self.episodes!r}; or set mirroring=none."
             )
         least = {
             "seed": (self.seed, 0),
             "generations": (self.generations, 1),
-            "runs": (self.runs, 1),
+            "episodes": (self.episodes, 1),
             "success_bonus": (self.success_bonus, 0),
             "approach_bonus": (self.approach_bonus, 0),
             "champion_every": (self.champion_every, 1),
-            "champion_runs": (self.champion_runs, 1),
+            "champion_episodes": (self.champion_episodes, 1),
             "reestimate_every": (self.reestimate_every, 0),
             "checkpoint_seconds": (self.checkpoint_seconds, 0),
         }

@@ -98,7 +98,7 @@ def generation_metrics(evaluation: Evaluation) -> dict[str, float]:
         "success/best": float(evaluation.success[best].mean()),
         "success/mean": float(evaluation.success.mean()),
         "bodies/valid": float(evaluation.valid.mean()),
-        "bodies/cells_of_best": float(max(evaluation.features[best, 2], 0)),
+        "bodies/cells_of_best": float(max(evaluation.measures[best, 2], 0)),
     }
 
 

@@ -7,7 +7,7 @@ import signal
 from ncrs.runs.assessment import EPISODES, REFERENCE_ENGINE, assess
 from ncrs.runs.settings import TrainConfig
 from ncrs.training.trainer import TrainingResult
-from ncrs_envs.body import body_features, body_to_characters
+from ncrs_envs.body import body_measures, body_to_characters
 
 
 def _duration(seconds: float) -> str:
@@ -46,7 +46,7 @@ def finished_lines(result: TrainingResult, config: TrainConfig) -> list[str]:
     if champion is None:
         lines.append("No genome grew a body that the task can use; try more generations.")
     else:
-        sensors, wheels, cells = body_features(champion.body).tolist()
+        sensors, wheels, cells = body_measures(champion.body).tolist()
         assessment = assess(champion)
         lines += [
             f"Champion, from generation {champion.generation} ({champion.source}): "

@@ -39,7 +39,7 @@ _ANIMATION_PIXELS = 160
 _STRIP_BODIES = 10
 RESULTS = (
     "champion/fitness", "champion/success", "fitness/best_so_far", "archive/qd_score",
-    "archive/filled_share",
+    "archive/filled_fraction",
 )  # fmt: skip
 """Curves whose last values stand beside the settings in the HPARAMS tab."""
 
@@ -47,7 +47,7 @@ LAYOUT: Mapping[str, Mapping[str, list[Any]]] = {
     "Run": {
         "fitness": ["Multiline", ["^fitness/(best|mean|median|best_so_far)$", "champion/fitness"]],
         "success": ["Multiline", ["success/best", "success/mean", "champion/success"]],
-        "QD-score": ["Multiline", ["^archive/qd_score$", "^archive/filled_share$"]],
+        "QD-score": ["Multiline", ["^archive/qd_score$", "^archive/filled_fraction$"]],
     },
     "Search": {
         "optimizer": ["Multiline", ["optimizer/sigma", "optimizer/condition_number"]],
@@ -162,12 +162,12 @@ class RunPictures:
             self._writer.add_histogram("elites/fitness", archive.column("fitness"), index)
 
     def _add_archive(self, index: int, archive: Archive) -> None:
-        fitness, features = archive.column("fitness"), archive.features
-        grid = archive_grid(features, fitness, archive.space.triples)
+        fitness, measures = archive.column("fitness"), archive.measures
+        grid = archive_grid(measures, fitness, archive.space.triples)
         panels = heatmaps(grid, float(fitness.min()), float(fitness.max()))
         self._writer.add_image("elites/archive", panels, index, dataformats="HWC")
-        chosen = spread(features, fitness, _STRIP_BODIES)
-        captions = [f"{fitness[row]:.3f}\n{features[row, 2]} cells" for row in chosen]
+        chosen = spread(measures, fitness, _STRIP_BODIES)
+        captions = [f"{fitness[row]:.3f}\n{measures[row, 2]} cells" for row in chosen]
         bodies = strip(archive.column("bodies")[chosen], captions)
         self._writer.add_image("elites/bodies", bodies, index, dataformats="HWC")
 
@@ -183,10 +183,10 @@ class RunPictures:
 
 
 def spread(
-    features: NDArray[np.integer], fitness: NDArray[np.floating], count: int
+    measures: NDArray[np.integer], fitness: NDArray[np.floating], count: int
 ) -> NDArray[np.int64]:
     """Rows of at most ``count`` elites from few cells to many: the fittest of each size range."""
-    order = np.argsort(features[:, 2], kind="stable")
+    order = np.argsort(measures[:, 2], kind="stable")
     groups = np.array_split(order, min(count, len(order)))
     return np.array([group[np.argmax(fitness[group])] for group in groups], dtype=np.int64)
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from ncrs.automaton.channels import GenomeError, nca_layout
-from ncrs.automaton.transfer import start_genome
 from ncrs.engines.base import (
     Engine,
     EngineError,
@@ -20,7 +19,7 @@ from ncrs.engines.base import (
     EvaluationInterrupted,
     make_engine,
 )
-from ncrs.evolution.archive import SEED_LENGTH, Additions, ArchiveError, Status
+from ncrs.evolution.archive import SEED_LENGTH, AddResult, AddStatus, ArchiveError
 from ncrs.evolution.objective import objective
 from ncrs.evolution.optimizers.base import Fitness, Genomes, OptimizerError, make_optimizer
 from ncrs.evolution.reestimation import reestimate, seed_row
@@ -44,6 +43,7 @@ from ncrs.training.logs import (
     warn_of_other_versions,
 )
 from ncrs.training.signals import StopRequest
+from ncrs.training.start import start_genome
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 CHECKPOINT_FOLDER = "checkpoints"
@@ -118,7 +118,7 @@ class Trainer:
         self._champion_scenarios = sample_scenarios(
             self._settings.task,
             self._stream(_CHAMPION_STREAM),
-            config.champion_runs,
+            config.champion_episodes,
             self._settings.grid_size,
         )
         self._checkpoints = CheckpointFolder(run_dir / CHECKPOINT_FOLDER)
@@ -190,7 +190,7 @@ class Trainer:
                         with self._timer.phase("reestimate"):
                             stream = self._stream(_REESTIMATION_STREAM, self._generation)
                             self._dropped += reestimate(
-                                self._archive, engine, stream, config.runs, stop, self._sampling
+                                self._archive, engine, stream, config.episodes, stop, self._sampling
                             )
                     genomes, evaluation, added = self._evolve(engine, stop)
                 except EvaluationInterrupted:
@@ -240,7 +240,7 @@ class Trainer:
         every = self._config.reestimate_every
         return every > 0 and self._generation > 0 and self._generation % every == 0
 
-    def _evolve(self, engine: Engine, stop: StopRequest) -> tuple[Genomes, Evaluation, Additions]:
+    def _evolve(self, engine: Engine, stop: StopRequest) -> tuple[Genomes, Evaluation, AddResult]:
         """One generation: propose, evaluate, add to the archive, learn."""
         with self._timer.phase("ask"):
             genomes = self._searched(self._optimizer.ask())
@@ -252,7 +252,7 @@ class Trainer:
             added = self._archive.add(
                 genomes,
                 evaluation.fitness,
-                evaluation.features,
+                evaluation.measures,
                 evaluation.bodies,
                 success=evaluation.success.mean(axis=1),
                 standing_still=np.resize(
@@ -276,8 +276,8 @@ class Trainer:
 
     def _scenarios(self, stream: np.random.SeedSequence) -> list[Scenario]:
         settings = self._settings
-        runs, size = self._config.runs, settings.grid_size
-        return self._sampling.draw(settings.task, stream, runs, size)
+        episodes, size = self._config.episodes, settings.grid_size
+        return self._sampling.draw(settings.task, stream, episodes, size)
 
     def _count(self, evaluation: Evaluation) -> None:
         self._evaluations += len(evaluation.fitness)
@@ -320,7 +320,7 @@ class Trainer:
             )
 
     def _metrics(
-        self, evaluation: Evaluation, added: Additions, seconds: float
+        self, evaluation: Evaluation, added: AddResult, seconds: float
     ) -> dict[str, float]:
         phases = self._timer.take()
         return {
@@ -328,8 +328,8 @@ class Trainer:
             "fitness/best_so_far": float(self._best_fitness),
             **{f"optimizer/{key}": value for key, value in self._optimizer.metrics().items()},
             **{f"archive/{key}": value for key, value in self._archive.statistics().items()},
-            "archive/new": float((added.status == Status.NEW).sum()),
-            "archive/improved": float((added.status == Status.IMPROVED).sum()),
+            "archive/new": float((added.status == AddStatus.NEW).sum()),
+            "archive/improved": float((added.status == AddStatus.IMPROVED).sum()),
             "archive/dropped": float(self._dropped),
             "progress/evaluations": float(self._evaluations),
             "progress/env_steps": float(self._env_steps),
@@ -343,7 +343,8 @@ class Trainer:
         self._checkpoints.save_in_background(self._generation, self._state())
         if self._champion is not None:
             self._champion.save(self._run_dir / CHAMPION_FILE)
-        elites = EliteArchive(self._config.task, self._archive, self._config.runs, self._sampling)
+        config = self._config
+        elites = EliteArchive(config.task, self._archive, config.episodes, self._sampling)
         elites.save(self._run_dir / ARCHIVE_FILE)
 
     def _state(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Things to look at: TensorBoard pictures, figures, films, and a window to play in.
+"""Pictures of robots and runs: recordings, stills, films, figures, and a window to play in.
 
-TensorBoard needs nothing beyond the package; the rest needs the extra ``viz``.
+Needs the extra ``viz``, except for ``recording``, ``pictures`` and ``stills``.
 """

@@ -10,30 +10,30 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class ArchiveGrid:
-    """Values of feature triples, laid out for panels."""
+    """Values of measure triples, laid out for panels."""
 
     cells: NDArray[np.int64]
     """Number of cells of each panel, ascending, ``(panels,)``."""
     values: NDArray[np.float64]
     """``(panels, sensors, wheels)``, counted from 0; NaN without an elite."""
     possible: NDArray[np.bool_]
-    """Whether a body can have these features, same shape."""
+    """Whether a body can have these measures, same shape."""
 
 
 def archive_grid(
-    features: NDArray[np.integer], values: NDArray[np.floating], triples: NDArray[np.integer]
+    measures: NDArray[np.integer], values: NDArray[np.floating], triples: NDArray[np.integer]
 ) -> ArchiveGrid:
     """Lay out values of elites.
 
     Args:
-        features: sensors, wheels and cells of the elites, ``(E, 3)``.
+        measures: sensors, wheels and cells of the elites, ``(E, 3)``.
         values: what to show of each, ``(E,)``.
-        triples: all possible features, ``(K, 3)``.
+        triples: all possible measures, ``(K, 3)``.
     """
     cells = np.unique(triples[:, 2])
     shape = (len(cells), int(triples[:, 0].max()) + 1, int(triples[:, 1].max()) + 1)
     grid = np.full(shape, np.nan)
     possible = np.zeros(shape, dtype=np.bool_)
     possible[np.searchsorted(cells, triples[:, 2]), triples[:, 0], triples[:, 1]] = True
-    grid[np.searchsorted(cells, features[:, 2]), features[:, 0], features[:, 1]] = values
+    grid[np.searchsorted(cells, measures[:, 2]), measures[:, 0], measures[:, 1]] = values
     return ArchiveGrid(cells, grid, possible)

@@ -32,8 +32,8 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
     Gray cells are possible and empty.
     """
     archive = elites.archive
-    features, fitness = archive.features, archive.column("fitness")
-    grid = archive_grid(features, fitness, archive.space.triples)
+    measures, fitness = archive.measures, archive.column("fitness")
+    grid = archive_grid(measures, fitness, archive.space.triples)
     norm = Normalize(float(fitness.min()), float(fitness.max()))
     rows = math.ceil(len(grid.cells) / _COLUMNS)
     figure = Figure(figsize=(WIDTH, WIDTH / _COLUMNS * rows * 1.05))
@@ -58,7 +58,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
     figure.suptitle(f"{title}, QD-score {fitness.sum() / possible:.3f}", fontsize=8)
     figure.colorbar(image, ax=panels, label="fitness", shrink=0.6, aspect=30)
     columns = ["sensors", "wheels", "cells", "fitness", "success"]
-    data = zip(features.tolist(), fitness, archive.column("success"), strict=True)
+    data = zip(measures.tolist(), fitness, archive.column("success"), strict=True)
     return Plot(
         f"archive_{name}", figure, columns, [[*triple, *values] for triple, *values in data]
     )

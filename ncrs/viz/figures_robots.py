@@ -18,7 +18,7 @@ from ncrs.viz.body_patches import add_body, add_silhouette, cell_legend
 from ncrs.viz.recording import Recording, record_episodes, record_growth
 from ncrs.viz.runs import Group, methods_of, tasks_of
 from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, method_name, task_name
-from ncrs_envs.body import Cell, body_features, body_to_characters
+from ncrs_envs.body import Cell, body_measures, body_to_characters
 from ncrs_envs.physics import TARGET_SIDE
 from ncrs_envs.scenario import WALL_EXTENT
 from ncrs_envs.tasks import REGIONS
@@ -44,7 +44,7 @@ def designs_plot(groups: Sequence[Group]) -> Plot | None:
             panel.set_axis_off()
             continue
         run, champion = best[task, method][0]
-        sensors, wheels, cells = body_features(champion.body).tolist()
+        sensors, wheels, cells = body_measures(champion.body).tolist()
         add_body(panel, champion.body)
         panel.set_title(f"{task_name(task)}, {method_name(method)}")
         panel.set_xlabel(

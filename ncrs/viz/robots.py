@@ -34,23 +34,23 @@ class EvolvedRobot:
 def load_robot(
     path: Path,
     *,
-    features: Sequence[int] | None = None,
+    measures: Sequence[int] | None = None,
     task: str | None = None,
     grid_size: int | None = None,
 ) -> EvolvedRobot:
     """Load a champion, an elite, or a genome, and grow it where it has no body yet.
 
     Args:
-        path: a run's folder, a champion's file, an archive's file (with ``features``), or a
+        path: a run's folder, a champion's file, an archive's file (with ``measures``), or a
             genome as ``.npy`` (with ``task``).
-        features: sensors, wheels and cells of an elite.
+        measures: sensors, wheels and cells of an elite.
         task: of a genome; the other files say theirs.
         grid_size: of a genome's body; None for the usual one.
 
     Raises:
         VizError: no such path, a run without a champion, or arguments that the file does not need
             or lacks.
-        EliteError: no elite with these features.
+        EliteError: no elite with these measures.
         GenomeError: a file that holds no genome of the task.
         BodyError: the genome grows a body that the task cannot use.
         CheckpointError: a damaged file.
@@ -58,14 +58,14 @@ def load_robot(
     if not path.exists():
         raise VizError(f"{path} does not exist: give a run's folder, or a file of a robot.")
     if path.suffix == _GENOME_SUFFIX:
-        if features is not None:
-            raise VizError(f"{path} holds one genome; features choose from an archive.")
+        if measures is not None:
+            raise VizError(f"{path} holds one genome; measures choose from an archive.")
         return _from_genome(path, task, grid_size)
     if task is not None or grid_size is not None:
         raise VizError(f"A task and a grid size are for genomes (.npy); {path} says its own.")
-    if features is not None:
-        elite = load_elite(path, features)
-        title = f"elite with features {elite.features}"
+    if measures is not None:
+        elite = load_elite(path, measures)
+        title = f"elite with measures {elite.measures}"
         return EvolvedRobot(elite.nca, elite.body, elite.task, title)
     if path.is_dir() and not (path / CHAMPION_FILE).is_file():
         if not (path / SETTINGS_FILE).is_file():

@@ -13,13 +13,14 @@ from ncrs.runs.champion import CHAMPION_FILE, Champion, load_champion_file
 from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, load_archive
 from ncrs.runs.metrics import METRICS_FILE, read_metrics
 from ncrs.runs.settings import SETTINGS_FILE, TrainConfig, load_config
+from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import TASKS
 
 _SWEEP_DEPTHS = ("*/", "*/*/")
 """Where runs lie in the folder of a sweep, or of several sweeps."""
 
 
-class VizError(ValueError):
+class VizError(NCRSError, ValueError):
     """Nothing to look at: no run, nothing found by it yet, or a package or encoder is missing."""
 
 

@@ -18,20 +18,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-
-class NumbaMissingError(ImportError):
-    """The batched simulator was asked for, but numba is not installed."""
-
-
-try:
-    import numba
-    from numba.core.caching import FunctionCache
-except ImportError as error:
-    raise NumbaMissingError(
-        "The batched simulator needs numba, which is not installed: pip install numba. "
-        "Without it, use gymnasium.make_vec(..., vectorization_mode='sync') or engine='box2d', "
-        "which run on Box2D."
-    ) from error
+import numba
+from numba.core.caching import FunctionCache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -33,7 +33,7 @@ from ncrs_envs.batched.layout import (
     scenario_size,
 )
 from ncrs_envs.batched.robot import prepare_robot
-from ncrs_envs.scenario import LEAST_QUAD_SIDE, Scenario, wall_quads
+from ncrs_envs.scenario import MIN_QUAD_SIDE, Scenario, wall_quads
 from ncrs_envs.tasks import DistanceScore, Task, playfield
 
 
@@ -125,7 +125,7 @@ def prepare_walls(quads: NDArray[np.float64], scenario: NDArray[np.float64]) -> 
             high_x = max(high_x, quad[corner, 0])
             low_y = min(low_y, quad[corner, 1])
             high_y = max(high_y, quad[corner, 1])
-        if min(high_x - low_x, high_y - low_y) <= LEAST_QUAD_SIDE:
+        if min(high_x - low_x, high_y - low_y) <= MIN_QUAD_SIDE:
             continue
         place = count
         while place > 0 and scenario[_quad(place - 1) + QUAD_LOW_Y] > low_y:

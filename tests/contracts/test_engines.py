@@ -11,7 +11,7 @@ from ncrs.engines.base import (
     make_engine,
 )
 from ncrs.engines.evaluate import evaluate
-from ncrs_envs.body import body_features
+from ncrs_envs.body import body_measures
 from ncrs_envs.scenario import Scenario, ScenarioError, sample_scenarios
 from ncrs_envs.tasks import TASKS, TaskError, task_settings
 
@@ -35,23 +35,23 @@ def test_shapes_dtypes_and_invalid_bodies(engine, task, genomes):
     length = nca_layout(task).num_parameters
     # The last genome is so small that its seed cell grows tissue only, if anything.
     vectors = np.concatenate([genomes(10, length), genomes(1, length, sigma=1e-6)])
-    result = evaluate(vectors, task, engine=engine, runs=3, seed=5)
+    result = evaluate(vectors, task, engine=engine, episodes=3, seed=5)
     assert result.fitness.shape == (11,)
-    assert result.run_fitness.shape == result.success.shape == result.crossed.shape == (11, 3)
+    assert result.episode_fitness.shape == result.success.shape == result.crossed.shape == (11, 3)
     assert result.bodies.shape == (11, 5, 5)
-    assert result.features.shape == (11, 3)
+    assert result.measures.shape == (11, 3)
     assert result.fitness.dtype == np.float64
     assert result.success.dtype == result.valid.dtype == np.bool_
     assert result.bodies.dtype == np.int8
     invalid = ~result.valid
     assert invalid[-1]
-    np.testing.assert_array_equal(result.features[invalid], -1)
+    np.testing.assert_array_equal(result.measures[invalid], -1)
     np.testing.assert_array_equal(
-        result.features[result.valid], body_features(result.bodies[result.valid])
+        result.measures[result.valid], body_measures(result.bodies[result.valid])
     )
     credit = TASKS[task].partial_credit(result.bodies[invalid])
     np.testing.assert_allclose(result.fitness[invalid], credit, rtol=0, atol=1e-15)
-    np.testing.assert_allclose(result.fitness, result.run_fitness.mean(axis=1), rtol=1e-12)
+    np.testing.assert_allclose(result.fitness, result.episode_fitness.mean(axis=1), rtol=1e-12)
     assert result.env_steps == result.valid.sum() * 3 * 100
     assert result.closest.shape == (11, 3, TASKS[task].distances)
     assert np.isinf(result.closest[invalid]).all()
@@ -85,7 +85,7 @@ def test_closed_loop_fitness_of_the_published_implementation(
         np.testing.assert_array_equal(result.bodies[0], record[f"{prefix}_body"])
         assert result.fitness[0] == pytest.approx(float(record[f"{prefix}_fitness"]), abs=1e-3)
         runs = record[f"{prefix}_rewards"].mean(axis=0)
-        assert np.abs(result.run_fitness[0] - runs).mean() <= 1e-3
+        assert np.abs(result.episode_fitness[0] - runs).mean() <= 1e-3
 
 
 def test_results_do_not_depend_on_workers_or_place(engine, genomes, full_genome):
@@ -104,12 +104,12 @@ def test_results_do_not_depend_on_workers_or_place(engine, genomes, full_genome)
 def test_the_seed_decides_the_scenarios(engine, full_genome):
     def run(seed, scenarios=None):
         return evaluate(
-            full_genome, "light_chase", engine=engine, runs=4, seed=seed, scenarios=scenarios
+            full_genome, "light_chase", engine=engine, episodes=4, seed=seed, scenarios=scenarios
         )
 
     _assert_equal(run(3), run(3))
     _assert_equal(run(3), run(0, sample_scenarios("light_chase", 3, 4)))
-    assert np.abs(run(3).run_fitness - run(4).run_fitness).max() > 1e-6
+    assert np.abs(run(3).episode_fitness - run(4).episode_fitness).max() > 1e-6
 
 
 def test_scenarios_per_genome(engine, full_genome):
@@ -117,22 +117,22 @@ def test_scenarios_per_genome(engine, full_genome):
     together = evaluate(np.stack([full_genome] * 3), "light_chase", engine=engine, scenarios=rows)
     for index, row in enumerate(rows):
         alone = evaluate(full_genome, "light_chase", engine=engine, scenarios=row)
-        np.testing.assert_array_equal(together.run_fitness[index], alone.run_fitness[0])
+        np.testing.assert_array_equal(together.episode_fitness[index], alone.episode_fitness[0])
 
 
 def test_other_grids_scores_and_radii(engine, genomes):
     vectors = genomes(12, seed=2)
-    plain = evaluate(vectors, "light_chase", engine=engine, runs=4)
+    plain = evaluate(vectors, "light_chase", engine=engine, episodes=4)
     assert plain.valid.any()
-    wide = evaluate(vectors, "light_chase", engine=engine, runs=4, success_radius=500.0)
+    wide = evaluate(vectors, "light_chase", engine=engine, episodes=4, success_radius=500.0)
     assert wide.success[wide.valid].all()
-    np.testing.assert_array_equal(wide.run_fitness, plain.run_fitness)
+    np.testing.assert_array_equal(wide.episode_fitness, plain.episode_fitness)
     inverse = evaluate(
-        vectors, "light_chase", engine=engine, runs=4, distance_score="inverse_square"
+        vectors, "light_chase", engine=engine, episodes=4, distance_score="inverse_square"
     )
     # (d + 1)^-2 lies below exp(-d) for all d > 0.
     assert (inverse.fitness[inverse.valid] < plain.fitness[plain.valid]).all()
-    large = evaluate(vectors, "light_chase", engine=engine, runs=2, grid_size=7)
+    large = evaluate(vectors, "light_chase", engine=engine, episodes=2, grid_size=7)
     assert large.bodies.shape == (12, 7, 7)
     assert large.valid.any()
 
@@ -152,7 +152,7 @@ def test_the_closest_approach(engine, full_genome):
     scenarios = [Scenario((0.0, 0.0), light=(x, 36.0)) for x in (-30.0, 30.0)]
     result = evaluate(full_genome, "light_chase", engine=engine, scenarios=scenarios)
     best = np.exp(-result.closest[0, :, 0] / 60.0)
-    assert (best >= result.run_fitness[0]).all()
+    assert (best >= result.episode_fitness[0]).all()
     assert (result.closest[0] <= np.hypot(30.0, 36.0) + 1e-9).all()
     here = Scenario((0.0, 0.0), light=(0.0, 30.0))
     nearer = Scenario((0.0, 0.0), light=(0.0, 20.0))
@@ -182,7 +182,7 @@ def test_bad_input_is_refused_before_anything_runs(engine, genomes, full_genome)
     with pytest.raises(ScenarioError, match="each of the 3"):
         evaluate(np.stack([full_genome] * 3), "light_chase", engine=engine, scenarios=rows[:1] * 2)
     with pytest.raises(ScenarioError, match="positive integer"):
-        evaluate(full_genome, "light_chase", engine=engine, runs=0)
+        evaluate(full_genome, "light_chase", engine=engine, episodes=0)
     with pytest.raises(ValueError, match="workers"):
         evaluate(full_genome, "light_chase", engine=engine, workers=0)
 
@@ -199,7 +199,7 @@ def test_a_state_that_turns_non_finite_is_named_and_ranks_as_nan(engine, full_ge
     wild[: 30 * 12 * 9].reshape(30, 12, 9)[:, CONTROL_CHANNEL] = 3e38
     vectors = np.stack([full_genome, wild])
     with pytest.warns(NonFiniteStateWarning, match="genome 1 .* run 0"):
-        result = evaluate(vectors, "light_chase", engine=engine, runs=2)
+        result = evaluate(vectors, "light_chase", engine=engine, episodes=2)
     assert np.isnan(result.fitness[1])
     assert np.isfinite(result.fitness[0])
 

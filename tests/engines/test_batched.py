@@ -29,8 +29,8 @@ def settings():
 def test_runs_that_do_not_fill_a_tile_change_nothing(settings, full_genome):
     scenarios = sample_scenarios("light_chase", 2, 2 * RUN_TILE + 1)
     with BatchedEngine(settings, 1) as engine:
-        together = engine.evaluate(full_genome, scenarios).run_fitness[0]
-        alone = [engine.evaluate(full_genome, [s]).run_fitness[0, 0] for s in scenarios]
+        together = engine.evaluate(full_genome, scenarios).episode_fitness[0]
+        alone = [engine.evaluate(full_genome, [s]).episode_fitness[0, 0] for s in scenarios]
     np.testing.assert_array_equal(together, alone)
     assert np.ptp(together) > 0.01
 
@@ -42,11 +42,11 @@ def test_follows_box2d_run_by_run(settings, genomes, full_genome):
         result = fast.evaluate(vectors, scenarios)
         expected = reference.evaluate(vectors, scenarios)
     np.testing.assert_array_equal(result.bodies, expected.bodies)
-    np.testing.assert_array_equal(result.features, expected.features)
+    np.testing.assert_array_equal(result.measures, expected.measures)
     assert expected.valid.sum() >= 5
     # Float32 noise in the NCA, amplified over a hundred steps of feedback.
-    np.testing.assert_allclose(result.run_fitness, expected.run_fitness, atol=2e-3)
-    assert abs((result.run_fitness - expected.run_fitness).mean()) < 1e-4
+    np.testing.assert_allclose(result.episode_fitness, expected.episode_fitness, atol=2e-3)
+    assert abs((result.episode_fitness - expected.episode_fitness).mean()) < 1e-4
 
 
 def test_growth_that_turns_non_finite_is_reported_and_gives_no_body(settings, genomes, full_genome):
@@ -62,7 +62,7 @@ def test_growth_that_turns_non_finite_is_reported_and_gives_no_body(settings, ge
     assert result.fitness[0] == 0.0
     with BatchedEngine(settings, 2) as engine:
         alone = engine.evaluate(full_genome, scenarios)
-    np.testing.assert_array_equal(result.run_fitness[1], alone.run_fitness[0])
+    np.testing.assert_array_equal(result.episode_fitness[1], alone.episode_fitness[0])
 
 
 def test_an_interrupt_takes_effect_before_the_last_genome(settings, full_genome, monkeypatch):

@@ -1,4 +1,4 @@
-"""Cell encoding, parsing of bodies, features and cell positions."""
+"""Cell encoding, parsing of bodies, measures and cell positions."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from ncrs_envs.body import (
     BodyError,
     Cell,
-    body_features,
+    body_measures,
     body_to_characters,
     cell_centers,
     check_grid_size,
@@ -84,7 +84,7 @@ def test_bad_grid_sizes_are_refused(size):
 
 def test_features_and_masks_of_a_batch():
     bodies = np.array([CODES, np.zeros((3, 3))], dtype=np.int8)
-    assert body_features(bodies).tolist() == [[2, 2, 8], [0, 0, 0]]
+    assert body_measures(bodies).tolist() == [[2, 2, 8], [0, 0, 0]]
     assert sensor_mask(bodies)[0].tolist() == [[True, False, True], [False] * 3, [False] * 3]
     assert wheel_mask(bodies)[0].tolist() == [[False] * 3, [True, False, True], [False] * 3]
 

@@ -5,10 +5,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from ncrs.evolution.archive import Archive, ArchiveError, FeatureSpace, Status
+from ncrs.evolution.archive import AddStatus, Archive, ArchiveError, MeasureSpace
 from ncrs.runs.checkpoint import read_state, write_state
 
-SPACE = FeatureSpace(min_sensors=1, min_wheels=2, max_cells=9)
+SPACE = MeasureSpace(min_sensors=1, min_wheels=2, max_cells=9)
 DIMENSION = 4
 
 
@@ -16,12 +16,12 @@ def make():
     return Archive(SPACE, DIMENSION, grid_size=3)
 
 
-def offer(archive, features, fitness, genomes=None, **others):
+def offer(archive, measures, fitness, genomes=None, **others):
     count = len(fitness)
     genomes = np.arange(count * DIMENSION).reshape(count, -1) if genomes is None else genomes
     bodies = np.full((count, 3, 3), np.arange(count)[:, None, None], dtype=np.int8)
     return archive.add(
-        genomes, np.asarray(fitness, dtype=float), np.array(features), bodies, **others
+        genomes, np.asarray(fitness, dtype=float), np.array(measures), bodies, **others
     )
 
 
@@ -29,7 +29,7 @@ def offer(archive, features, fitness, genomes=None, **others):
     ("sensors", "side", "count"), [(1, 5, 2300), (2, 5, 2024), (1, 3, 84), (1, 9, 85320)]
 )
 def test_number_of_possible_triples(sensors, side, count):
-    space = FeatureSpace(sensors, 2, side * side)
+    space = MeasureSpace(sensors, 2, side * side)
     assert len(space.triples) == count
     np.testing.assert_array_equal(space.cells(space.triples), np.arange(count))
 
@@ -48,13 +48,13 @@ def test_the_triples_are_those_of_the_rule():
 def test_a_genome_gets_in_if_it_is_new_or_better():
     archive = make()
     first = offer(archive, [(1, 2, 3), (1, 2, 4)], [0.5, 0.25])
-    assert first.status.tolist() == [Status.NEW, Status.NEW]
+    assert first.status.tolist() == [AddStatus.NEW, AddStatus.NEW]
     assert first.improvement.tolist() == [0.5, 0.25]
     second = offer(archive, [(1, 2, 3), (1, 2, 4), (2, 2, 4)], [0.5, 0.375, 0.125], generation=7)
-    assert second.status.tolist() == [Status.NONE, Status.IMPROVED, Status.NEW]
+    assert second.status.tolist() == [AddStatus.NONE, AddStatus.IMPROVED, AddStatus.NEW]
     assert second.improvement.tolist() == [0.0, 0.125, 0.125]
     assert len(archive) == 3
-    assert archive.features.tolist() == [[1, 2, 3], [1, 2, 4], [2, 2, 4]]
+    assert archive.measures.tolist() == [[1, 2, 3], [1, 2, 4], [2, 2, 4]]
     assert archive.column("fitness").tolist() == [0.5, 0.375, 0.125]
     assert archive.column("generations").tolist() == [0, 7, 7]
     np.testing.assert_array_equal(archive.column("genomes")[0], [0, 1, 2, 3])
@@ -64,7 +64,7 @@ def test_a_genome_gets_in_if_it_is_new_or_better():
 
 def test_genomes_are_offered_one_after_the_other():
     added = offer(make(), [(1, 2, 3)] * 3, [0.25, 0.75, 0.5])
-    assert added.status.tolist() == [Status.NEW, Status.IMPROVED, Status.NONE]
+    assert added.status.tolist() == [AddStatus.NEW, AddStatus.IMPROVED, AddStatus.NONE]
     assert added.improvement.tolist() == [0.25, 0.5, -0.25]
 
 
@@ -72,7 +72,7 @@ def test_nan_and_invalid_bodies_never_enter():
     archive = make()
     added = offer(archive, [(1, 2, 3), (-1, -1, -1)], [np.nan, 0.9])
     assert added.cells.tolist() == [-1, -1]
-    assert added.status.tolist() == [Status.NONE, Status.NONE]
+    assert added.status.tolist() == [AddStatus.NONE, AddStatus.NONE]
     assert np.isnan(added.improvement).all()
     assert len(archive) == 0
     assert archive.best_genome() is None
@@ -83,13 +83,13 @@ def test_nan_and_invalid_bodies_never_enter():
     [
         ({"fitness": [0.5, np.inf]}, r"infinite.*\[1\]"),
         ({"genomes": np.zeros((2, 5))}, r"genomes must have shape \(2, 4\), got \(2, 5\)"),
-        ({"features": [(1, 2, 3)]}, r"features must have shape \(2, 3\)"),
+        ({"measures": [(1, 2, 3)]}, r"measures must have shape \(2, 3\)"),
     ],
 )
 def test_what_does_not_fit_is_refused_whole(change, message):
     archive = make()
     with pytest.raises(ArchiveError, match=message):
-        offer(archive, **{"features": [(1, 2, 3), (1, 2, 4)], "fitness": [0.5, 0.5], **change})
+        offer(archive, **{"measures": [(1, 2, 3), (1, 2, 4)], "fitness": [0.5, 0.5], **change})
     assert len(archive) == 0
 
 
@@ -106,7 +106,7 @@ def test_statistics_use_both_denominators():
     )
     statistics = archive.statistics()
     expected = {
-        "filled": 3.0, "filled_share": 3 / 84, "filled_share_of_2024": 3 / 2024,
+        "filled": 3.0, "filled_fraction": 3 / 84, "filled_fraction_of_2024": 3 / 2024,
         "qd_score": 1.2 / 84, "qd_score_of_2024": 1.2 / 2024, "best": 0.5, "mean": 0.4,
         "beat_standing_still": 1.0, "succeed": 2.0,
     }  # fmt: skip
@@ -133,7 +133,7 @@ def test_new_estimates_replace_the_old_and_nan_leaves():
     archive.replace_estimates(
         np.array([0.4, np.nan]), np.array([0.25, 0.0]), 0.3, np.array([9, 4, 1, -1])
     )
-    assert archive.features.tolist() == [[1, 2, 3]]
+    assert archive.measures.tolist() == [[1, 2, 3]]
     assert archive.column("fitness").tolist() == [0.4]
     assert archive.column("success").tolist() == [0.25]
     assert archive.column("standing_still").tolist() == [0.3]

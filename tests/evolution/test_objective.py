@@ -28,7 +28,7 @@ def test_bonuses_for_success_and_for_coming_near(full_genome, genomes):
 def test_coming_near_counts_for_ball_and_target_alike():
     settings = task_settings("carry_ball")
     result = dataclasses.replace(
-        evaluate(np.zeros((1, 4873)), "carry_ball", runs=1), closest=np.array([[[30.0, 60.0]]])
+        evaluate(np.zeros((1, 4873)), "carry_ball", episodes=1), closest=np.array([[[30.0, 60.0]]])
     )
     bonus = objective(result, settings, approach_bonus=1.0) - result.fitness
     np.testing.assert_allclose(bonus, (np.exp(-0.5) + np.exp(-1.0)) / 2)

@@ -75,8 +75,8 @@ class Page:
     def all(self, css):
         return self.driver.find_elements(By.CSS_SELECTOR, css)
 
-    def cell(self, features):
-        return self.find(f'[data-features="{"-".join(map(str, features))}"]')
+    def cell(self, measures):
+        return self.find(f'[data-measures="{"-".join(map(str, measures))}"]')
 
     def click(self, element):
         self.wait(lambda: self._is_settled(element))

@@ -11,7 +11,7 @@ from ncrs.report import build_report
 from ncrs.runs.champion import CHAMPION_FILE, Champion
 from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, make_archive
 from ncrs.runs.settings import TrainConfig, save_config
-from ncrs_envs.body import body_features
+from ncrs_envs.body import body_measures
 from ncrs_envs.tasks import default_body
 
 EPISODES = 2
@@ -36,14 +36,14 @@ def make_run(folder, task="light_chase", elites=45, with_champion=True, grid_siz
         free = np.flatnonzero(body.reshape(-1) == 0)
         chosen = rng.choice(free, size=rng.integers(0, 14), replace=False)
         body.reshape(-1)[chosen] = rng.choice([1, 2, 4], size=len(chosen))
-        known = {tuple(body_features(b)) for b in bodies}
-        if tuple(body_features(body)) not in known:
+        known = {tuple(body_measures(b)) for b in bodies}
+        if tuple(body_measures(body)) not in known:
             bodies.append(body)
     bodies = np.reshape(bodies, (elites, *base.shape)).astype(np.int8)
     archive.add(
         rng.normal(scale=0.1, size=(elites, length)),
         rng.uniform(0.2, 0.6, size=elites),
-        body_features(bodies),
+        body_measures(bodies),
         bodies,
         success=rng.integers(0, 13, size=elites) / 12,
         generation=3,

@@ -31,7 +31,7 @@ def test_table_is_the_archive_and_the_champion(run_dir, report, overview):
     table = overview["robots"]
     assert report.robots == report.recorded == len(archive) + 1
     assert table["elites"] == table["champion"] == len(archive)
-    assert table["features"][:-1] == archive.features.tolist()
+    assert table["measures"][:-1] == archive.measures.tolist()
     assert table["fitness"] == [*archive.column("fitness").tolist(), champion.fitness]
     assert table["success"] == [*archive.column("success").tolist(), champion.success]
     assert table["generation"] == [*archive.column("generations").tolist(), 9]

@@ -42,14 +42,14 @@ def counted(number, word):
 
 
 def expected(archive, row):
-    sensors, wheels, cells = archive.features[row].tolist()
+    sensors, wheels, cells = archive.measures[row].tolist()
     title = ", ".join(
         [counted(sensors, "sensor"), counted(wheels, "wheel"), counted(cells, "cell")]
     )
     return title, {
         "fitness": f"{archive.column('fitness')[row]:.4f}",
         "success": f"{100 * archive.column('success')[row]:.0f} %",
-        "runs": "12 runs",
+        "episodes": "12 episodes",
         "generation": str(archive.column("generations")[row]),
     }
 
@@ -69,7 +69,7 @@ def test_page_opens_on_the_champion_without_errors(page):
 def test_clicked_cells_show_the_archives_numbers(page, archive):
     page.open()
     for row in (0, 7, 21, 40):
-        page.click(page.cell(archive.features[row]))
+        page.click(page.cell(archive.measures[row]))
         page.wait(lambda: page.find(".card").get_attribute("data-shows") == str(row))  # noqa: B023
         assert page.shown() == expected(archive, row)
         selected = page.all('[aria-selected="true"]')
@@ -84,11 +84,11 @@ def test_heatmap_has_a_cell_for_every_triple_coloured_by_fitness(page, archive):
     page.open()
     cells = page.js(
         "return [...document.querySelectorAll('[role=gridcell]')].map("
-        "c => [c.dataset.features, c.dataset.robot ?? null, c.style.background])"
+        "c => [c.dataset.measures, c.dataset.robot ?? null, c.style.background])"
     )
     assert len(cells) == 2300
     filled = {name: int(robot) for name, robot, _ in cells if robot is not None}
-    assert filled == {"-".join(map(str, f)): i for i, f in enumerate(archive.features.tolist())}
+    assert filled == {"-".join(map(str, f)): i for i, f in enumerate(archive.measures.tolist())}
     colors = {int(robot): color for _, robot, color in cells if robot is not None}
     fitness = archive.column("fitness")
     assert colors[int(fitness.argmax())] == "rgb(253, 231, 37)"
@@ -104,9 +104,9 @@ def test_heatmap_has_a_cell_for_every_triple_coloured_by_fitness(page, archive):
 def test_archive_by_keyboard(page, archive):
     page.open()
     best = int(archive.column("fitness").argmax())
-    sensors, wheels, cells = archive.features[best].tolist()
+    sensors, wheels, cells = archive.measures[best].tolist()
     page.find("#find button").send_keys(Keys.TAB)
-    focused = lambda: page.js("return document.activeElement.dataset.features")  # noqa: E731
+    focused = lambda: page.js("return document.activeElement.dataset.measures")  # noqa: E731
     assert focused() == f"{sensors}-{wheels}-{cells}"
     outline = page.js("return getComputedStyle(document.activeElement).outlineWidth")
     assert outline == "3px"
@@ -129,7 +129,7 @@ def test_archive_by_keyboard(page, archive):
 
 def test_finding_by_numbers(page, archive):
     page.open()
-    for name, value in zip(("sensors", "wheels", "cells"), archive.features[3], strict=True):
+    for name, value in zip(("sensors", "wheels", "cells"), archive.measures[3], strict=True):
         page.find(f"#find [name={name}]").send_keys(str(value))
     page.press(Keys.ENTER)
     page.wait(lambda: page.find(".card").get_attribute("data-shows") == "3")
@@ -172,7 +172,7 @@ def test_playing_scrubbing_and_growth(page):
 
 
 def test_shown_numbers_of_an_episode_are_those_recorded(page, report, read_data, archive):
-    page.open(fragment=f"#show={'-'.join(map(str, archive.features[2].tolist()))}")
+    page.open(fragment=f"#show={'-'.join(map(str, archive.measures[2].tolist()))}")
     assert page.shown() == expected(archive, 2)
     episode = read_data(report.page.parent, "robots-0")[2][2]["episodes"][0]
     result = (
@@ -184,10 +184,10 @@ def test_shown_numbers_of_an_episode_are_those_recorded(page, report, read_data,
 
 def test_two_elites_side_by_side(page, archive):
     page.open(width=1600)
-    page.click(page.cell(archive.features[5]))
+    page.click(page.cell(archive.measures[5]))
     page.wait(lambda: page.find(".card").get_attribute("data-shows") == "5")
     page.click(page.find(".compare"))
-    page.click(page.cell(archive.features[30]))
+    page.click(page.cell(archive.measures[30]))
     page.wait(lambda: len(page.all(".card[data-ready]")) == 2)
     assert page.shown(0) == expected(archive, 5)
     assert page.shown(1) == expected(archive, 30)
@@ -196,7 +196,7 @@ def test_two_elites_side_by_side(page, archive):
     assert left["x"] + left["width"] <= right["x"]
     page.click(page.find("#play-both"))
     page.wait(lambda: all(int(s.get_property("value")) > 2 for s in page.all(".scrubber")))
-    names = "+".join("-".join(map(str, archive.features[row].tolist())) for row in (5, 30))
+    names = "+".join("-".join(map(str, archive.measures[row].tolist())) for row in (5, 30))
     assert page.driver.current_url.endswith("#show=" + names)
     page.click(page.all(".close")[0])
     assert page.shown() == expected(archive, 30)
@@ -207,7 +207,7 @@ def test_downloaded_genomes_are_exact(page, archive, tmp_path):
     page.driver.execute_cdp_cmd(
         "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
     )
-    name = "-".join(map(str, archive.features[11].tolist()))
+    name = "-".join(map(str, archive.measures[11].tolist()))
     page.open(fragment=f"#show={name}")
     page.shown()
     genome = archive.column("genomes")[11]
@@ -220,7 +220,7 @@ def test_downloaded_genomes_are_exact(page, archive, tmp_path):
     np.testing.assert_array_equal(loaded, genome)
     record = json.loads((tmp_path / f"light_chase_{name}.json").read_text())
     np.testing.assert_array_equal(np.array(record["genome"], dtype=np.float32), genome)
-    assert record["features"] == archive.features[11].tolist()
+    assert record["measures"] == archive.measures[11].tolist()
     assert record["fitness"] == archive.column("fitness")[11]
 
 
@@ -245,7 +245,7 @@ def test_nothing_is_fetched_from_elsewhere_and_data_only_when_needed(page, archi
         "robots-2.js",
     ]
     for row in (0, 1, 44):
-        page.click(page.cell(archive.features[row]))
+        page.click(page.cell(archive.measures[row]))
         page.wait(lambda: page.find(".card").get_attribute("data-shows") == str(row))  # noqa: B023
         page.shown()
     page.click(page.find(".download-json"))
@@ -268,7 +268,7 @@ def test_nothing_is_cut_off_at_any_width(page, archive, width):
     assert page.js(overflow) <= 0
     # Real clicks have tests of their own; here only the layout matters.
     page.js("arguments[0].click()", page.find(".compare"))
-    page.js("arguments[0].click()", page.cell(archive.features[8]))
+    page.js("arguments[0].click()", page.cell(archive.measures[8]))
     page.wait(lambda: len(page.all(".card[data-ready]")) == 2)
     assert page.js(overflow) <= 0
 
@@ -276,12 +276,12 @@ def test_nothing_is_cut_off_at_any_width(page, archive, width):
 def test_phone_goes_to_the_robot_and_back(page, archive):
     page.open(width=375, height=700)
     page.shown()
-    page.click(page.cell(archive.features[8]))
+    page.click(page.cell(archive.measures[8]))
     page.wait(lambda: page.js("return document.activeElement.id") == "robots")
     page.wait(lambda: 0 <= page.find("#robots").rect["y"] - page.js("return scrollY") < 60)
     page.click(page.find(".back"))
-    name = "-".join(map(str, archive.features[8].tolist()))
-    assert page.js("return document.activeElement.dataset.features") == name
+    name = "-".join(map(str, archive.measures[8].tolist()))
+    assert page.js("return document.activeElement.dataset.measures") == name
 
 
 def test_dark_scheme_and_contrast(page):
@@ -289,7 +289,7 @@ def test_dark_scheme_and_contrast(page):
     for scheme in ("light", "dark"):
         page.driver.execute_cdp_cmd(
             "Emulation.setEmulatedMedia",
-            {"features": [{"name": "prefers-color-scheme", "value": scheme}]},
+            {"measures": [{"name": "prefers-color-scheme", "value": scheme}]},
         )
         page.open()
         colors = page.js(
@@ -302,7 +302,7 @@ def test_dark_scheme_and_contrast(page):
         assert contrast(ground, text) > 7
         assert contrast(ground, quiet) > 4.5
         seen.append(ground)
-    page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"measures": []})
     assert sum(seen[0]) > 600 > 200 > sum(seen[1])
 
 
@@ -348,7 +348,7 @@ def test_elites_without_records_show_their_numbers(chromium, run_dir, archive, t
     report = build_report(run_dir, tmp_path / "page", elites="champion", episodes=1)
     page = Page(chromium, report.page.resolve())
     page.open()
-    page.click(page.cell(archive.features[4]))
+    page.click(page.cell(archive.measures[4]))
     page.wait(lambda: "not in this report" in page.find(".card").text)
     assert page.find(".card [data-field=fitness]").text == expected(archive, 4)[1]["fitness"]
     assert page.all(".play, .download-npy") == []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ncrs.runs.assessment import Share, assess
+from ncrs.runs.assessment import Proportion, assess
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointError, write_state
 from ncrs.cli import main
@@ -49,10 +49,10 @@ def test_a_published_champion_can_be_saved_too(tmp_path):
 
 
 def test_shares_are_as_precise_as_the_episodes_allow():
-    assert str(Share.of(998, 1000)) == (
+    assert str(Proportion.of(998, 1000)) == (
         "998 of 1000 episodes (99.8%; 95 % interval 99.3% to 99.9%)"
     )
-    assert Share.of(25, 100).percentages() == ("25%", "18%", "34%")
+    assert Proportion.of(25, 100).percentages() == ("25%", "18%", "34%")
 
 
 def test_missing_and_foreign_files(tmp_path):
@@ -73,7 +73,7 @@ def test_assessment_counts_fresh_episodes(champion):
     assert 0.0 < result.fitness < 1.0
     assert result.fitness_standard_error > 0.0
     # Training's scenarios of the same seed are others.
-    assert evaluate(champion.genome, "light_chase", runs=8, seed=3).fitness[0] != result.fitness
+    assert evaluate(champion.genome, "light_chase", episodes=8, seed=3).fitness[0] != result.fitness
     assert assess(champion, episodes=8, seed=3) == result
     obstacle = assess(replace(champion, task=TaskConfig(name="obstacle")), episodes=2)
     assert obstacle.crossed is not None
@@ -84,7 +84,7 @@ def test_assessment_counts_fresh_episodes(champion):
 
 def test_the_task_settings_travel_with_the_champion(champion):
     easy = replace(champion, task=TaskConfig(success_radius=500.0))
-    assert assess(easy, episodes=4).success.share == 1.0
+    assert assess(easy, episodes=4).success.fraction == 1.0
 
 
 def test_frames_show_an_episode(champion):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import ncrs
-from ncrs.evolution.archive import FeatureSpace
+from ncrs.evolution.archive import MeasureSpace
 from ncrs.runs.checkpoint import CheckpointError, write_state
 from ncrs.cli import main
-from ncrs.runs.elites import EliteArchive, EliteError, feature_space, load_archive, make_archive
+from ncrs.runs.elites import EliteArchive, EliteError, measure_space, load_archive, make_archive
 from ncrs.engines.base import make_engine
 from ncrs.runs.exports import to_pyribs, write_csv
 from ncrs.evolution.reestimation import reestimate, seed_row
@@ -19,7 +19,7 @@ from ncrs.evolution.standstill import standing_still_fitness
 from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import TASKS, task_settings
 
-RUNS = 4
+EPISODES = 4
 STREAM = np.random.SeedSequence(11, spawn_key=(1, 5))
 
 
@@ -29,21 +29,21 @@ def found():
     task = TaskConfig()
     settings = task.checked()
     genomes = np.random.default_rng(0).normal(0.0, 0.1, (48, 4572)).astype(np.float32)
-    scenarios = sample_scenarios(settings.task, STREAM, RUNS, 5)
+    scenarios = sample_scenarios(settings.task, STREAM, EPISODES, 5)
     with make_engine("box2d", settings, 1) as engine:
         evaluation = engine.evaluate(genomes, scenarios)
     archive = make_archive(settings)
     archive.add(
         genomes,
         evaluation.fitness,
-        evaluation.features,
+        evaluation.measures,
         evaluation.bodies,
         success=evaluation.success.mean(axis=1),
         standing_still=standing_still_fitness(settings, scenarios),
         generation=5,
         seeds=seed_row(STREAM),
     )
-    return EliteArchive(task, archive, RUNS), genomes, evaluation
+    return EliteArchive(task, archive, EPISODES), genomes, evaluation
 
 
 @pytest.fixture
@@ -58,22 +58,22 @@ def saved(found, tmp_path):
     [("light_chase", 5, 2300), ("obstacle", 5, 2300), ("carry_ball", 5, 2024), ("obstacle", 3, 84)],
 )
 def test_the_triples_of_each_task(task, side, count):
-    assert len(feature_space(TASKS[task], side).triples) == count
+    assert len(measure_space(TASKS[task], side).triples) == count
 
 
 def test_only_valid_bodies_are_elites(found):
     elites, _, evaluation = found
-    valid = evaluation.features[evaluation.valid]
+    valid = evaluation.measures[evaluation.valid]
     assert len(elites.archive) == len(np.unique(valid, axis=0)) >= 3
 
 
 def test_an_elite_is_ready_to_use(found, saved):
     _, genomes, evaluation = found
     index = int(np.nanargmax(np.where(evaluation.valid, evaluation.fitness, np.nan)))
-    features = tuple(evaluation.features[index].tolist())
+    measures = tuple(evaluation.measures[index].tolist())
     for path in (saved, saved.parent):
-        elite = ncrs.load_elite(path, features=features)
-        assert elite.features == features
+        elite = ncrs.load_elite(path, measures=measures)
+        assert elite.measures == measures
         assert elite.fitness == evaluation.fitness[index]
         assert elite.success == evaluation.success[index].mean()
         assert (elite.generation, elite.evaluation_seed) == (5, (11, 1, 5))
@@ -85,7 +85,7 @@ def test_an_elite_is_ready_to_use(found, saved):
 
 def test_an_elites_fitness_can_be_had_again_from_its_seed(found):
     elites, _, _ = found
-    elite = elites.elite(elites.archive.features[0].tolist())
+    elite = elites.elite(elites.archive.measures[0].tolist())
     again = elite.evaluate(engine="box2d")
     assert again.fitness[0] == elite.fitness
     sterner = dataclasses.replace(elite, task=TaskConfig(distance_score="inverse_square"))
@@ -94,7 +94,7 @@ def test_an_elites_fitness_can_be_had_again_from_its_seed(found):
 
 def test_what_is_not_there_is_said_with_what_is_nearest(found):
     elites, _, _ = found
-    filled = [tuple(row) for row in elites.archive.features.tolist()]
+    filled = [tuple(row) for row in elites.archive.measures.tolist()]
     empty = next(
         tuple(row) for row in elites.archive.space.triples.tolist() if tuple(row) not in filled
     )
@@ -185,12 +185,12 @@ def test_csv(found, tmp_path):
     with (tmp_path / "archive.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == len(elites.archive)
-    for row, features in zip(rows, elites.archive.features.tolist(), strict=True):
-        elite = elites.elite(features)
-        assert [int(row[name]) for name in ("sensors", "wheels", "cells")] == features
+    for row, measures in zip(rows, elites.archive.measures.tolist(), strict=True):
+        elite = elites.elite(measures)
+        assert [int(row[name]) for name in ("sensors", "wheels", "cells")] == measures
         assert float(row["fitness"]) == elite.fitness
         assert row["evaluation_seed"] == "11 1 5"
-        assert row["body"].count("W") == features[1]
+        assert row["body"].count("W") == measures[1]
         assert len(row["body"].split("/")) == 5
 
 
@@ -201,7 +201,7 @@ def test_pyribs_gets_the_same_elites(found):
     assert len(other) == len(archive)
     data = other.data()
     order = np.lexsort(data["measures"].T[::-1])
-    np.testing.assert_array_equal(data["measures"][order], archive.features)
+    np.testing.assert_array_equal(data["measures"][order], archive.measures)
     np.testing.assert_array_equal(data["solution"][order], archive.column("genomes"))
     np.testing.assert_array_equal(data["objective"][order], archive.column("fitness"))
     np.testing.assert_array_equal(data["body"][order], archive.column("bodies"))
@@ -212,7 +212,7 @@ def test_pyribs_has_room_for_every_triple():
     pytest.importorskip("ribs")
     from ncrs.evolution.archive import Archive
 
-    space = FeatureSpace(1, 2, 9)
+    space = MeasureSpace(1, 2, 9)
     archive = Archive(space, 2, grid_size=3)
     count = len(space.triples)
     archive.add(np.zeros((count, 2)), np.ones(count), space.triples, np.zeros((count, 3, 3)))
@@ -221,15 +221,15 @@ def test_pyribs_has_room_for_every_triple():
 
 def test_the_archive_command(found, saved, capsys):
     folder = saved.parent
-    main(["archive", str(folder), "--reestimate", "--runs", "2", "--engine", "box2d",
+    main(["archive", str(folder), "--reestimate", "--episodes", "2", "--engine", "box2d",
           "--export", "csv"])  # fmt: skip
     output = capsys.readouterr().out
     count = len(found[0].archive)
-    assert f"{count} of 2,300 feature triples" in output
+    assert f"{count} of 2,300 measure triples" in output
     assert "the paper's 2,024" in output
     assert "standing still earns 0.42" in output
     again = load_archive(folder / "archive_reestimated.npz")
-    assert again.runs == 2
+    assert again.episodes == 2
     np.testing.assert_array_equal(again.archive.cells, found[0].archive.cells)
     np.testing.assert_array_equal(
         load_archive(folder).archive.column("fitness"), found[0].archive.column("fitness")

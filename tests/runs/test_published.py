@@ -41,7 +41,7 @@ def test_a_champion_does_in_box2d_what_its_card_says(name):
     published = champion.card["tests"]["box2d"]
     again = assess(champion, episodes=200, seed=2)
     low, high = again.success.interval
-    assert low <= published["success"]["share"] <= high
+    assert low <= published["success"]["fraction"] <= high
     assert abs(again.fitness - published["fitness"]) <= 3 * again.fitness_standard_error
     assert published["success"]["episodes"] == 1000
 
@@ -64,7 +64,7 @@ def test_the_best_light_chaser_beats_the_papers():
     """The paper's best evolved robots reach a fitness of 0.615, and 92 % success."""
     published = ncrs.load_champion("light_chase/best").card["tests"]["box2d"]
     assert published["fitness"] > 0.615
-    assert published["success"]["share"] >= 0.95
+    assert published["success"]["fraction"] >= 0.95
 
 
 def test_an_unknown_name_is_answered_with_those_known():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from ncrs import evaluate, training
+from ncrs import evaluate
 from ncrs.automaton.channels import nca_layout
 from ncrs.engines.base import Engine
 from ncrs.runs.champion import load_champion_file
@@ -17,6 +17,7 @@ from ncrs.runs.checkpoint import CheckpointFolder, read_state, write_state
 from ncrs.runs.elites import load_archive
 from ncrs.runs.lock import RunError
 from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig, save_config
+from ncrs.training import trainer as training
 from ncrs.training.trainer import Trainer, train
 from ncrs_envs.mirroring import ScenarioSampling
 
@@ -38,9 +39,9 @@ def config(name="map_elites", **changes):
             optimizer=OptimizerConfig(name, **OPTIMIZERS[name]),
             engine=EngineConfig(name="batched", workers=1),
             generations=GENERATIONS,
-            runs=2,
+            episodes=2,
             champion_every=2,
-            champion_runs=2,
+            champion_episodes=2,
             reestimate_every=5,
             checkpoint_seconds=0,
             seed=3,
@@ -169,7 +170,7 @@ def test_plain_cma_es_fills_an_archive_too(tmp_path):
     train(config(optimizer=optimizer, generations=3), tmp_path)
     elites = load_archive(tmp_path)
     assert len(elites.archive) >= 3
-    elite = elites.elite(elites.archive.features[0].tolist())
+    elite = elites.elite(elites.archive.measures[0].tolist())
     again = elite.evaluate(engine="batched")
     assert again.fitness[0] == elite.fitness
 
@@ -187,7 +188,7 @@ def test_the_best_elite_is_a_candidate(tmp_path):
     trainer.run()
     archive = load_archive(tmp_path).archive
     genomes = archive.column("genomes")[:3].astype(np.float64)
-    evaluation = evaluate(genomes, "light_chase", runs=2, engine="batched")
+    evaluation = evaluate(genomes, "light_chase", episodes=2, engine="batched")
     sample, elite = trainer._candidates(genomes, evaluation)
     np.testing.assert_array_equal(sample, genomes[evaluation.fitness.argmax()])
     np.testing.assert_array_equal(elite, archive.best_genome())
@@ -254,8 +255,8 @@ def test_symmetric_search_on_mirrored_scenarios(tmp_path):
     archive = load_archive(tmp_path)
     assert (archive.sampling.mirroring, archive.sampling.noise) == ("front_back", 0.3)
     layout = nca_layout("light_chase")
-    for features in archive.archive.features[:3].tolist():
-        elite = archive.elite(features)
+    for measures in archive.archive.measures[:3].tolist():
+        elite = archive.elite(measures)
         genome = elite.genome[None].astype(np.float64)
         np.testing.assert_array_equal(layout.symmetric(genome), genome)
         np.testing.assert_array_equal(elite.body, elite.body[:, ::-1])

@@ -18,9 +18,9 @@ def config(**changes):
         "optimizer": OptimizerConfig(sigma=1e-4, population=16, told_popsize=True),
         "engine": EngineConfig(name="batched", workers=1),
         "generations": 2,
-        "runs": 4,
+        "episodes": 4,
         "champion_every": 1,
-        "champion_runs": 4,
+        "champion_episodes": 4,
         **changes,
     }
     return TrainConfig(**settings)

@@ -17,7 +17,7 @@ from ncrs.runs.champion import Champion
 from ncrs.runs.elites import make_archive
 from ncrs.runs.settings import TaskConfig, TrainConfig
 from ncrs.training.tensorboard import Budget, RunPictures, add_end, add_settings, spread
-from ncrs_envs.body import body_features
+from ncrs_envs.body import body_measures
 
 GENOME_LENGTH = 4572
 
@@ -46,7 +46,7 @@ def archive(champion):
         bodies.append(body)
     bodies = np.array(bodies)
     archive.add(
-        np.tile(champion.genome, (13, 1)), np.linspace(0.3, 0.5, 13), body_features(bodies), bodies
+        np.tile(champion.genome, (13, 1)), np.linspace(0.3, 0.5, 13), body_measures(bodies), bodies
     )
     return archive
 
@@ -145,7 +145,7 @@ def test_settings_are_hyperparameters_of_the_run_itself(tmp_path):
 
 
 def test_the_strip_goes_from_few_cells_to_many():
-    features = np.array([[1, 2, 9], [1, 2, 3], [2, 2, 4], [1, 2, 8]])
+    measures = np.array([[1, 2, 9], [1, 2, 3], [2, 2, 4], [1, 2, 8]])
     fitness = np.array([0.1, 0.2, 0.3, 0.4])
-    np.testing.assert_array_equal(spread(features, fitness, 2), [2, 3])
-    np.testing.assert_array_equal(spread(features, fitness, 9), [1, 2, 3, 0])
+    np.testing.assert_array_equal(spread(measures, fitness, 2), [2, 3])
+    np.testing.assert_array_equal(spread(measures, fitness, 9), [1, 2, 3, 0])

@@ -14,12 +14,12 @@ import pytest
 from filelock import FileLock
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from ncrs import logs
 from ncrs.runs.champion import load_champion_file
 from ncrs.runs.checkpoint import CheckpointError, CheckpointFolder
 from ncrs.runs.lock import RunError
 from ncrs.runs.metrics import MetricsFile
 from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TaskConfig, TrainConfig
+from ncrs.training import logs
 from ncrs.training.trainer import train
 
 ROOT = Path(__file__).parents[2]
@@ -32,9 +32,9 @@ def config(**changes):
             optimizer=OptimizerConfig(sigma=0.1, population=16, told_popsize=True),
             engine=EngineConfig(name="box2d", workers=1),
             generations=GENERATIONS,
-            runs=2,
+            episodes=2,
             champion_every=2,
-            champion_runs=3,
+            champion_episodes=3,
             checkpoint_seconds=0,
             seed=1,
         ),
@@ -45,7 +45,7 @@ def config(**changes):
 COMMAND = [
     sys.executable, "train.py", "engine=box2d", "engine.workers=1", "optimizer.sigma=0.1",
     "optimizer.population=16", "optimizer.told_popsize=true", f"generations={GENERATIONS}",
-    "runs=2", "champion_every=2", "champion_runs=3", "checkpoint_seconds=0", "seed=1",
+    "episodes=2", "champion_every=2", "champion_episodes=3", "checkpoint_seconds=0", "seed=1",
     "symmetric=false", "mirroring=none", "optimizer.step_size=csa",
 ]  # fmt: skip
 
@@ -218,7 +218,7 @@ def test_other_settings_are_refused_on_resuming_with_both_values(undisturbed):
     for changes, message in [
         ({"seed": 9}, "its seed is 1, 9 was given"),
         ({"task": TaskConfig("obstacle")}, "its task.name is 'light_chase', 'obstacle' was given"),
-        ({"runs": 24}, "its runs is 2, 24 was given"),
+        ({"episodes": 24}, "its episodes is 2, 24 was given"),
     ]:
         with pytest.raises(ConfigError, match=message):
             train(config(resume=str(run_dir), **changes), run_dir)

@@ -62,8 +62,8 @@ def test_designs_are_the_best_champions(sweep, figures):
 def test_the_archive_table_holds_every_elite(sweep, figures):
     archive = load_archive(sweep / "2").archive
     rows = table(figures / "archive_light_chase_map_elites.csv")
-    features = [[int(row[name]) for name in ("sensors", "wheels", "cells")] for row in rows]
-    assert features == archive.features.tolist()
+    measures = [[int(row[name]) for name in ("sensors", "wheels", "cells")] for row in rows]
+    assert measures == archive.measures.tolist()
     assert [float(row["fitness"]) for row in rows] == archive.column("fitness").tolist()
     counts = [
         float(row["elites_per_run"])

@@ -62,9 +62,9 @@ def test_channels_are_drawn_in_their_order():
 
 
 def test_an_elite_and_a_genome_are_robots_too(sweep, tmp_path, robot):
-    features = load_archive(sweep / "2").archive.features[0].tolist()
-    elite = load_robot(sweep / "2", features=features)
-    assert str(tuple(features)) in elite.title
+    measures = load_archive(sweep / "2").archive.measures[0].tolist()
+    elite = load_robot(sweep / "2", measures=measures)
+    assert str(tuple(measures)) in elite.title
     path = tmp_path / "genome.npy"
     np.save(path, robot.nca.genome())
     again = load_robot(path, task="light_chase")
@@ -78,7 +78,7 @@ def test_an_elite_and_a_genome_are_robots_too(sweep, tmp_path, robot):
         (["{tmp}/none"], "does not exist"),
         (["{tmp}"], "holds no run"),
         (["{tmp}/young"], "has no champion yet"),
-        (["{run}", "--features", "9", "9", "9"], "cannot be: at least"),
+        (["{run}", "--measures", "9", "9", "9"], "cannot be: at least"),
         (["{run}", "--task", "obstacle"], "says its own"),
         (["{tmp}/genome.npy"], "say what it is for"),
         (["{tmp}/genome.npy", "--task", "carry_ball"], "has 4873 weights"),

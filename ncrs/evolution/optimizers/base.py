@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.evolution.archive import Additions, Archive
+from ncrs.evolution.archive import AddResult, Archive
+from ncrs_envs.errors import NCRSError
 
 State = dict[str, Any]
 """Arrays, and values that JSON can hold: what a checkpoint stores."""
@@ -20,7 +21,7 @@ Genomes = NDArray[np.float64]
 Fitness = NDArray[np.float64]
 
 
-class OptimizerError(ValueError):
+class OptimizerError(NCRSError, ValueError):
     """A setting out of range, or ask, tell and state used in a way that cannot be meant."""
 
 
@@ -87,7 +88,7 @@ class Optimizer(ABC):
             "or cma_mae."
         )
 
-    def tell(self, fitness: Fitness, added: Additions | None = None) -> None:
+    def tell(self, fitness: Fitness, added: AddResult | None = None) -> None:
         """Learn from the fitness of the last population.
 
         Args:
@@ -165,7 +166,7 @@ class Optimizer(ABC):
     def _ask(self) -> Genomes: ...
 
     @abstractmethod
-    def _tell(self, asked: Genomes, fitness: Fitness, added: Additions | None) -> None: ...
+    def _tell(self, asked: Genomes, fitness: Fitness, added: AddResult | None) -> None: ...
 
     @abstractmethod
     def _state(self) -> State: ...

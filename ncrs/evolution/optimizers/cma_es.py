@@ -23,7 +23,7 @@ from ncrs.evolution.optimizers.pycma_state import capture, restore
 # "decay" keeps the path of "csa", from which pycma tells stalls, but not its step size.
 STEP_SIZES = {"csa": CMAAdaptSigmaCSA, "tpa": CMAAdaptSigmaTPA, "decay": CMAAdaptSigmaCSA}
 SIGMA_DECAY = 0.9975
-SIGMA_LEAST = 0.0015
+SIGMA_MIN = 0.0015
 RESTART_FROM = ("mean", "best", "elite")
 LINEAR_ALGEBRA = ("torch", "pycma")
 PRECISION = "float32"
@@ -45,7 +45,7 @@ class CMAES(Optimizer):
             "tpa" (two-point adaptation, newer pycma's choice for many dimensions); or "decay": a
             fixed schedule, which neither noise nor plateaus can collapse.
         sigma_decay: with "decay", sigma's factor per generation (default 0.9975).
-        sigma_least: with "decay", where it ends (default 0.0015).
+        sigma_min: with "decay", where it ends (default 0.0015).
         diagonal: learn variances only (separable CMA-ES): linear instead of quadratic memory and
             faster learning rates.
         restart_sigma: below this step size the search starts anew, with ``sigma`` and nothing
@@ -72,7 +72,7 @@ class CMAES(Optimizer):
         told_popsize: bool = True,
         step_size: str = "csa",
         sigma_decay: float | None = None,
-        sigma_least: float | None = None,
+        sigma_min: float | None = None,
         diagonal: bool = False,
         restart_sigma: float | None = None,
         restart_from: str = "mean",
@@ -94,11 +94,11 @@ class CMAES(Optimizer):
                 )
         self._sigma0 = float(sigma)
         self._step_size = step_size
-        self._schedule = _sigma_schedule(step_size, sigma, sigma_decay, sigma_least)
-        least = self._schedule.get("sigma_least", 0.0)
+        self._schedule = _sigma_schedule(step_size, sigma, sigma_decay, sigma_min)
+        least = self._schedule.get("sigma_min", 0.0)
         if restart_sigma is not None and restart_sigma <= least:
             raise OptimizerError(
-                f"restart_sigma must exceed sigma_least, {least!r}, below which the schedule never "
+                f"restart_sigma must exceed sigma_min, {least!r}, below which the schedule never "
                 f"goes; got {restart_sigma!r}."
             )
         self._population = int(population)
@@ -208,7 +208,7 @@ class CMAES(Optimizer):
             warnings.filterwarnings("ignore", message="The number of solutions passed to `tell`")
             self._es.tell(list(asked), (-fitness).tolist())
         if self._schedule:
-            least, decay = self._schedule["sigma_least"], self._schedule["sigma_decay"]
+            least, decay = self._schedule["sigma_min"], self._schedule["sigma_decay"]
             self._es.sigma = max(least, sigma * decay)
         best = int(np.argmax(fitness))
         if fitness[best] > self._best_fitness:
@@ -261,7 +261,7 @@ class IsotropicCMAES(CMAES):
     Args:
         dimension: length N of a genome.
         seed: of the optimizer's own generator.
-        sigma, population, told_popsize, step_size, sigma_decay, sigma_least, restart_sigma,
+        sigma, population, told_popsize, step_size, sigma_decay, sigma_min, restart_sigma,
             restart_from: as of ``CMAES``.
     """
 
@@ -277,7 +277,7 @@ class IsotropicCMAES(CMAES):
         told_popsize: bool = True,
         step_size: str = "csa",
         sigma_decay: float | None = None,
-        sigma_least: float | None = None,
+        sigma_min: float | None = None,
         restart_sigma: float | None = None,
         restart_from: str = "mean",
     ) -> None:
@@ -289,7 +289,7 @@ class IsotropicCMAES(CMAES):
             told_popsize=told_popsize,
             step_size=step_size,
             sigma_decay=sigma_decay,
-            sigma_least=sigma_least,
+            sigma_min=sigma_min,
             diagonal=True,  # linear memory; that diagonal stays at one
             restart_sigma=restart_sigma,
             restart_from=restart_from,
@@ -313,16 +313,16 @@ def _sigma_schedule(
     """The settings of the fixed schedule with their defaults, checked; none without it."""
     if step_size != "decay":
         _refuse(
-            {"sigma_decay": decay, "sigma_least": least}, f"step_size={step_size} has no schedule"
+            {"sigma_decay": decay, "sigma_min": least}, f"step_size={step_size} has no schedule"
         )
         return {}
     decay = SIGMA_DECAY if decay is None else float(decay)
-    least = min(SIGMA_LEAST, sigma) if least is None else float(least)
+    least = min(SIGMA_MIN, sigma) if least is None else float(least)
     if not 0.0 < decay <= 1.0:
         raise OptimizerError(f"sigma_decay must lie in (0, 1], got {decay!r}.")
     if not 0.0 < least <= sigma:
-        raise OptimizerError(f"sigma_least must be positive and at most sigma, got {least!r}.")
-    return {"sigma_decay": decay, "sigma_least": least}
+        raise OptimizerError(f"sigma_min must be positive and at most sigma, got {least!r}.")
+    return {"sigma_decay": decay, "sigma_min": least}
 
 
 def _linear_algebra(

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.evolution.archive import NO_CELL, Additions, Archive
+from ncrs.evolution.archive import NO_CELL, AddResult, Archive
 from ncrs.evolution.optimizers.base import Fitness, OptimizerError, State
 from ncrs.evolution.optimizers.emitters import EMITTERS, EmitterOptimizer
 from ncrs.evolution.optimizers.quality_diversity import without_cell_worst
@@ -102,7 +102,7 @@ class CMAMAE(EmitterOptimizer):
     def metrics(self) -> dict[str, float]:
         return {**super().metrics(), "threshold_mean": float(self._thresholds.mean())}
 
-    def _judge(self, fitness: Fitness, added: Additions) -> tuple[Fitness, bool]:
+    def _judge(self, fitness: Fitness, added: AddResult) -> tuple[Fitness, bool]:
         rate = self._learning_rate
         improvement = np.zeros(len(fitness))
         # One genome after the other, as in lines 8 to 14 of the algorithm.

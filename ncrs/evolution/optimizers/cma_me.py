@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ncrs.evolution.archive import Additions, Status
+from ncrs.evolution.archive import AddResult, AddStatus
 from ncrs.evolution.optimizers.base import Fitness, OptimizerError
 from ncrs.evolution.optimizers.emitters import EMITTERS, EmitterOptimizer
 from ncrs.evolution.optimizers.quality_diversity import without_cell_worst
@@ -79,8 +79,8 @@ class CMAME(EmitterOptimizer):
     def maximises_fitness(self) -> bool:
         return self._ranking == "fitness"
 
-    def _judge(self, fitness: Fitness, added: Additions) -> tuple[Fitness, bool]:
-        useful = bool((added.status != Status.NONE).any())
+    def _judge(self, fitness: Fitness, added: AddResult) -> tuple[Fitness, bool]:
+        useful = bool((added.status != AddStatus.NONE).any())
         if self._ranking == "fitness":
             return fitness, useful
         stage = added.status.astype(np.int64)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.evolution.archive import Additions
+from ncrs.evolution.archive import AddResult
 from ncrs.evolution.optimizers.base import Fitness, Genomes, OptimizerError, State
 from ncrs.evolution.optimizers.cma_es import CMAES
 from ncrs.evolution.optimizers.quality_diversity import QDOptimizer
@@ -74,8 +74,8 @@ class EmitterOptimizer(QDOptimizer):
         sigmas = [emitter.sigma for emitter in self._emitters]
         return {
             "sigma": float(np.median(sigmas)),
-            "sigma_least": min(sigmas),
-            "sigma_largest": max(sigmas),
+            "sigma_min": min(sigmas),
+            "sigma_max": max(sigmas),
             "restarts": float(self._restarts),
             "longest_idle": float(max(self._idle)),
         }
@@ -86,13 +86,13 @@ class EmitterOptimizer(QDOptimizer):
         self._kept = [None] * len(self._emitters)
 
     @abstractmethod
-    def _judge(self, fitness: Fitness, added: Additions) -> tuple[Fitness, bool]:
+    def _judge(self, fitness: Fitness, added: AddResult) -> tuple[Fitness, bool]:
         """What the emitter is to maximise, ``(P,)``, and whether its turn brought anything."""
 
     def _ask(self) -> Genomes:
         return self._emitters[self._turn].ask()
 
-    def _tell(self, asked: Genomes, fitness: Fitness, added: Additions | None) -> None:
+    def _tell(self, asked: Genomes, fitness: Fitness, added: AddResult | None) -> None:
         assert added is not None  # checked by tell
         turn = self._turn
         values, useful = self._judge(fitness, added)

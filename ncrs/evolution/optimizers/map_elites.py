@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ncrs.evolution.archive import Additions
+from ncrs.evolution.archive import AddResult
 from ncrs.evolution.optimizers.base import Fitness, Genomes, OptimizerError, State
 from ncrs.evolution.optimizers.quality_diversity import QDOptimizer
 
@@ -26,8 +26,8 @@ class MAPElites(QDOptimizer):
     - iso+line: ``x_i + iso_sigma N(0, I) + line_sigma N(0, 1) (x_j - x_i)`` for two elites (their
       equation 1);
     - sparse: a random share of the weights gets normal noise. The share is log-uniform from one
-      weight to all, the noise's size log-uniform from ``sparse_sigma_least`` to
-      ``sparse_sigma_largest``, both drawn anew for each child: no single size of step suits both
+      weight to all, the noise's size log-uniform from ``sparse_sigma_min`` to
+      ``sparse_sigma_max``, both drawn anew for each child: no single size of step suits both
       growth, which one weight can change, and control.
 
     Args:
@@ -37,8 +37,8 @@ class MAPElites(QDOptimizer):
         initial_sigma: standard deviation of the first genomes.
         initial_genomes: how many are drawn before variation begins.
         iso_sigma, line_sigma: of the iso+line operator.
-        sparse_share: share of the children that the sparse operator makes, 0 to 1.
-        sparse_sigma_least, sparse_sigma_largest: range of its noise.
+        sparse_fraction: share of the children that the sparse operator makes, 0 to 1.
+        sparse_sigma_min, sparse_sigma_max: range of its noise.
     """
 
     name: ClassVar[str] = "map_elites"
@@ -53,34 +53,34 @@ class MAPElites(QDOptimizer):
         initial_genomes: int = 1024,
         iso_sigma: float = 0.01,
         line_sigma: float = 0.2,
-        sparse_share: float = 0.5,
-        sparse_sigma_least: float = 0.01,
-        sparse_sigma_largest: float = 1.0,
+        sparse_fraction: float = 0.5,
+        sparse_sigma_min: float = 0.01,
+        sparse_sigma_max: float = 1.0,
     ) -> None:
         super().__init__(dimension, seed)
         if population < 1:
             raise OptimizerError(f"population must be at least 1, got {population!r}.")
         if initial_genomes < 0:
             raise OptimizerError(f"initial_genomes must not be negative, got {initial_genomes!r}.")
-        if not 0.0 <= sparse_share <= 1.0:
-            raise OptimizerError(f"sparse_share must be from 0 to 1, got {sparse_share!r}.")
+        if not 0.0 <= sparse_fraction <= 1.0:
+            raise OptimizerError(f"sparse_fraction must be from 0 to 1, got {sparse_fraction!r}.")
         self._population = int(population)
         self._initial_genomes = int(initial_genomes)
-        self._sparse_share = float(sparse_share)
+        self._sparse_share = float(sparse_fraction)
         self._sigmas = {
             "initial_sigma": initial_sigma,
             "iso_sigma": iso_sigma,
             "line_sigma": line_sigma,
-            "sparse_sigma_least": sparse_sigma_least,
-            "sparse_sigma_largest": sparse_sigma_largest,
+            "sparse_sigma_min": sparse_sigma_min,
+            "sparse_sigma_max": sparse_sigma_max,
         }
         for name, value in self._sigmas.items():
             if not (math.isfinite(value) and value > 0):
                 raise OptimizerError(f"{name} must be positive and finite, got {value!r}.")
-        if sparse_sigma_least > sparse_sigma_largest:
+        if sparse_sigma_min > sparse_sigma_max:
             raise OptimizerError(
-                f"sparse_sigma_least={sparse_sigma_least!r} must not be larger than "
-                f"sparse_sigma_largest={sparse_sigma_largest!r}."
+                f"sparse_sigma_min={sparse_sigma_min!r} must not be larger than "
+                f"sparse_sigma_max={sparse_sigma_max!r}."
             )
         self._told = 0
 
@@ -89,7 +89,7 @@ class MAPElites(QDOptimizer):
         return {
             "population": self._population,
             "initial_genomes": self._initial_genomes,
-            "sparse_share": self._sparse_share,
+            "sparse_fraction": self._sparse_share,
             **self._sigmas,
         }
 
@@ -116,7 +116,7 @@ class MAPElites(QDOptimizer):
     def _sparse_children(self, count: int) -> Genomes:
         generator = self._generator
         parents = self._archive.draw(generator, count)
-        least, largest = (self._sigmas[f"sparse_sigma_{end}"] for end in ("least", "largest"))
+        least, largest = (self._sigmas[f"sparse_sigma_{end}"] for end in ("min", "max"))
         for parent in parents:
             sigma = math.exp(generator.uniform(math.log(least), math.log(largest)))
             mutated = round(self.dimension ** generator.uniform())
@@ -124,7 +124,7 @@ class MAPElites(QDOptimizer):
             parent[weights] += sigma * generator.standard_normal(mutated)
         return parents
 
-    def _tell(self, asked: Genomes, fitness: Fitness, added: Additions | None) -> None:
+    def _tell(self, asked: Genomes, fitness: Fitness, added: AddResult | None) -> None:
         self._told += len(asked)
 
     def _state(self) -> State:

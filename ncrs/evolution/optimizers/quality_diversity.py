@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.evolution.archive import NO_CELL, Additions, Archive
+from ncrs.evolution.archive import NO_CELL, AddResult, Archive
 from ncrs.evolution.optimizers.base import Fitness, Optimizer, OptimizerError
 
 IntArray = NDArray[np.int64]
@@ -28,7 +28,7 @@ class QDOptimizer(Optimizer):
     def maximises_fitness(self) -> bool:
         return False
 
-    def tell(self, fitness: Fitness, added: Additions | None = None) -> None:
+    def tell(self, fitness: Fitness, added: AddResult | None = None) -> None:
         """As every optimizer's; ``added`` is required."""
         missing = added is None or len(added.status) != len(np.atleast_1d(fitness))
         if missing and self._asked is not None:  # tell before ask is refused below
@@ -59,7 +59,7 @@ def ranks(stage: IntArray, value: Fitness) -> Fitness:
 
 
 def without_cell_worst(
-    stage: IntArray, value: Fitness, fitness: Fitness, added: Additions
+    stage: IntArray, value: Fitness, fitness: Fitness, added: AddResult
 ) -> Fitness:
     """``ranks`` with the genomes that have no cell below all others, by their own fitness.
 

@@ -7,7 +7,7 @@
   const byFeatures = new Map(); // element of each possible triple
   let current = null;
 
-  const name = (features) => features.join("-");
+  const name = (measures) => measures.join("-");
   const isWide = () => window.matchMedia("(min-width: 70rem)").matches;
 
   const COLUMNS = {
@@ -17,7 +17,7 @@
   };
 
   function describe(cell) {
-    const [sensors, wheels, cells] = cell.dataset.features.split("-");
+    const [sensors, wheels, cells] = cell.dataset.measures.split("-");
     if (cell.dataset.robot === undefined) {
       return `${sensors} sensors, ${wheels} wheels, ${cells} cells: no elite`;
     }
@@ -33,11 +33,11 @@
     for (let wheels = cells - minSensors; wheels >= minWheels; wheels--) {
       const row = element("div", { role: "row" });
       for (let sensors = minSensors; sensors + wheels <= cells; sensors++) {
-        const features = name([sensors, wheels, cells]);
-        const cell = element("div", { role: "gridcell", tabindex: -1, "data-features": features,
-          "data-robot": robotAt.get(features), "aria-selected": "false" });
+        const measures = name([sensors, wheels, cells]);
+        const cell = element("div", { role: "gridcell", tabindex: -1, "data-measures": measures,
+          "data-robot": robotAt.get(measures), "aria-selected": "false" });
         cell.setAttribute("aria-label", describe(cell));
-        byFeatures.set(features, cell);
+        byFeatures.set(measures, cell);
         row.append(cell);
       }
       grid.append(row);
@@ -91,8 +91,8 @@
   }
 
   function neighbour(key) {
-    const [sensors, wheels, cells] = current.dataset.features.split("-").map(Number);
-    const at = (...features) => byFeatures.get(name(features));
+    const [sensors, wheels, cells] = current.dataset.measures.split("-").map(Number);
+    const at = (...measures) => byFeatures.get(name(measures));
     const row = current.parentElement;
     return {
       ArrowRight: () => at(sensors + 1, wheels, cells),
@@ -123,11 +123,11 @@
   function find(event) {
     event.preventDefault();
     const form = event.target.elements;
-    const features = ["sensors", "wheels", "cells"].map((field) => form[field].value.trim());
-    const cell = byFeatures.get(features.join("-"));
+    const measures = ["sensors", "wheels", "cells"].map((field) => form[field].value.trim());
+    const cell = byFeatures.get(measures.join("-"));
     if (cell && cell.dataset.robot !== undefined) choose(cell);
     const info = cell ? describe(cell)
-      : `No body of this task can have ${features[0]} sensors, ${features[1]} wheels and ${features[2]} cells.`;
+      : `No body of this task can have ${measures[0]} sensors, ${measures[1]} wheels and ${measures[2]} cells.`;
     document.getElementById("cell-info").textContent = info;
     NCRSReport.say(info);
   }
@@ -137,7 +137,7 @@
     const panels = document.getElementById("panels");
     if (!panels) return;
     const [minSensors, minWheels, maxCells] = robots.space;
-    const robotAt = new Map(robots.features.slice(0, robots.elites).map((features, i) => [name(features), i]));
+    const robotAt = new Map(robots.measures.slice(0, robots.elites).map((measures, i) => [name(measures), i]));
     panels.style.setProperty("--longest", maxCells - minSensors - minWheels + 1);
     for (let cells = minSensors + minWheels; cells <= maxCells; cells++) {
       panels.append(makePanel(cells, robots.space, robotAt));
@@ -148,7 +148,7 @@
     });
     panels.addEventListener("keydown", press);
     panels.addEventListener("focusin", (event) => {
-      if (event.target !== current && event.target.dataset.features) move(event.target, false);
+      if (event.target !== current && event.target.dataset.measures) move(event.target, false);
     });
     panels.addEventListener("pointerover", (event) => {
       const cell = event.target.closest("[role=gridcell]");
@@ -157,7 +157,7 @@
     document.getElementById("colour-by").addEventListener("change", paint);
     document.getElementById("find").addEventListener("submit", find);
     paint();
-    move(byFeatures.get(name(robots.features[NCRSReport.bestElite()])), false);
+    move(byFeatures.get(name(robots.measures[NCRSReport.bestElite()])), false);
   };
 
   NCRSReport.bestElite = () => {
@@ -180,8 +180,8 @@
     if (current) move(current, true);
   };
 
-  NCRSReport.robotWithFeatures = (features) => {
-    const robot = byFeatures.get(features)?.dataset.robot;
+  NCRSReport.robotWithFeatures = (measures) => {
+    const robot = byFeatures.get(measures)?.dataset.robot;
     return robot === undefined ? null : Number(robot);
   };
 })();

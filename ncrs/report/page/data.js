@@ -97,7 +97,7 @@ const NCRSReport = (() => {
   }
 
   function robotName(robot) {
-    const [sensors, wheels, cells] = NCRSReport.overview.robots.features[robot];
+    const [sensors, wheels, cells] = NCRSReport.overview.robots.measures[robot];
     const counted = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
     return `${counted(sensors, "sensor")}, ${counted(wheels, "wheel")}, ${counted(cells, "cell")}`;
   }

@@ -12,11 +12,11 @@
   function numbers(robot) {
     const { robots } = NCRSReport.overview;
     const champion = NCRSReport.isChampion(robot);
-    const runs = robots.eliteRuns === 1 ? "run" : "runs";
+    const episodes = robots.eliteEpisodes === 1 ? "episode" : "episodes";
     const lines = [
       ["Fitness", "fitness", robots.fitness[robot].toFixed(4)],
       ["Success", "success", percent(robots.success[robot])],
-      ["Measured in", "runs", champion ? "scenarios set aside" : `${robots.eliteRuns} ${runs}`],
+      ["Measured in", "episodes", champion ? "scenarios set aside" : `${robots.eliteEpisodes} ${episodes}`],
       ["Found in generation", "generation", String(robots.generation[robot])],
     ];
     if (champion) lines.push(["Source", "source", robots.championSource]);
@@ -46,7 +46,7 @@
       grid_size: world.gridSize,
       distance_score: world.distanceScore,
       success_radius: world.successRadius,
-      features: robots.features[robot],
+      measures: robots.measures[robot],
       fitness: robots.fitness[robot],
       success: robots.success[robot],
       generation: robots.generation[robot],
@@ -57,7 +57,7 @@
   async function download(robot, kind) {
     try {
       const raw = await NCRSReport.genome(robot);
-      const label = NCRSReport.isChampion(robot) ? "champion" : NCRSReport.overview.robots.features[robot].join("-");
+      const label = NCRSReport.isChampion(robot) ? "champion" : NCRSReport.overview.robots.measures[robot].join("-");
       const name = `${NCRSReport.overview.world.task}_${label}.${kind}`;
       if (kind === "npy") save(name, npy(raw), "application/octet-stream");
       else save(name, asJson(robot, raw), "application/json");
@@ -157,7 +157,7 @@
     document.getElementById("play-both").hidden = shown.length < 2;
     NCRSReport.markShown(shown);
     const names = shown.map((robot) =>
-      NCRSReport.isChampion(robot) ? "champion" : NCRSReport.overview.robots.features[robot].join("-"));
+      NCRSReport.isChampion(robot) ? "champion" : NCRSReport.overview.robots.measures[robot].join("-"));
     history.replaceState(null, "", `#show=${names.join("+")}`);
     return Promise.all(cards.map((card) => card.fill()));
   }

@@ -2,8 +2,6 @@
 
 import itertools
 import json
-import subprocess
-import sys
 
 import gymnasium
 import numpy as np
@@ -379,17 +377,3 @@ def test_every_task_has_its_class():
     for name, mode in itertools.product(ncrs_envs.TASKS, ["sync", None]):
         envs = gymnasium.make_vec(get_task(name).env_id, 1, vectorization_mode=mode)
         envs.close()
-
-
-def test_without_numba_the_message_says_what_to_do():
-    code = (
-        "import sys; sys.modules['numba'] = None\n"
-        "import gymnasium, ncrs_envs\n"
-        "gymnasium.make_vec('NCRS-LightChase-v0', 2, vectorization_mode='sync').close()\n"
-        "try:\n    gymnasium.make_vec('NCRS-LightChase-v0', 2)\n"
-        "except ImportError as error:\n    print(type(error).__name__, error)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.startswith("NumbaMissingError")
-    assert "pip install numba" in done.stdout
-    assert "vectorization_mode='sync'" in done.stdout

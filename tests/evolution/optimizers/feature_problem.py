@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncrs.evolution.archive import Archive, FeatureSpace
+from ncrs.evolution.archive import Archive, MeasureSpace
 
 DIMENSION = 12
-SPACE = FeatureSpace(min_sensors=1, min_wheels=2, max_cells=16)  # 560 triples
+SPACE = MeasureSpace(min_sensors=1, min_wheels=2, max_cells=16)  # 560 triples
 _CENTRE = np.array([3.0, 5.0, 12.0])
 _WIDTH = 4.0
 
 
-def features(genomes):
+def measures(genomes):
     """Triples that the first three weights choose; where they are impossible, -1.
 
     Each weight moves one feature away from (2, 3, 8), by one per 0.25.
@@ -23,20 +23,20 @@ def features(genomes):
 
 
 def best_fitness(triples):
-    """The largest fitness that a genome with these features can have, ``(P,)``.
+    """The largest fitness that a genome with these measures can have, ``(P,)``.
 
-    One peak in the middle of the features: a search for fitness alone ends there.
+    One peak in the middle of the measures: a search for fitness alone ends there.
     """
     distance = ((triples - _CENTRE) ** 2).sum(axis=1)
     return 0.2 + 0.8 * np.exp(-distance / (2 * _WIDTH**2))
 
 
 def fitness(genomes):
-    """``best_fitness`` of the features times ``exp(-|rest - aim|^2)``, 0 if they are impossible.
+    """``best_fitness`` of the measures times ``exp(-|rest - aim|^2)``, 0 if they are impossible.
 
     The aim of the other weights shifts with the triple, so that every cell has to be learned.
     """
-    triples = features(genomes)
+    triples = measures(genomes)
     aim = 0.05 * triples.sum(axis=1, keepdims=True) - 0.5
     quality = np.exp(-((genomes[:, 3:] - aim) ** 2).sum(axis=1))
     return np.where(triples[:, 0] >= 0, best_fitness(triples) * quality, 0.0)
@@ -58,5 +58,5 @@ def judge(optimizer, archive, genomes):
     """Add a population to the archive and tell it."""
     values = fitness(genomes)
     bodies = np.zeros((len(genomes), 4, 4), dtype=np.int8)
-    added = archive.add(genomes, values, features(genomes), bodies)
+    added = archive.add(genomes, values, measures(genomes), bodies)
     optimizer.tell(values, added)

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from benchmarks.optimizers import FUNCTIONS, PlainPycma, Search, compare, is_elsewhere, search
-from ncrs.evolution.archive import Archive, FeatureSpace
+from ncrs.evolution.archive import Archive, MeasureSpace
 from ncrs.evolution.optimizers import OptimizerError, make_optimizer
 from ncrs.evolution.optimizers.cma_es import CMAES, IsotropicCMAES
 from ncrs.runs.checkpoint import read_state, write_state
@@ -91,7 +91,7 @@ def test_any_saved_state_goes_on_bit_for_bit(name, settings, pending, tmp_path):
 
 @pytest.mark.parametrize("name", [FULL, DIAGONAL])
 def test_a_schedule_decides_the_step_size(name):
-    optimizer = make(name, step_size="decay", sigma_decay=0.5, sigma_least=0.02)
+    optimizer = make(name, step_size="decay", sigma_decay=0.5, sigma_min=0.02)
     sigmas = []
     for _ in range(4):
         sigmas.append(optimizer.sigma)
@@ -104,8 +104,8 @@ def test_a_schedule_decides_the_step_size(name):
     [
         ({"sigma_decay": 0.9}, "step_size=csa has no schedule: leave out sigma_decay"),
         ({"step_size": "decay", "sigma_decay": 1.1}, "sigma_decay must lie in"),
-        ({"step_size": "decay", "sigma_least": 0.2}, "at most sigma"),
-        ({"step_size": "decay", "sigma_least": 0.05, "restart_sigma": 0.05}, "must exceed"),
+        ({"step_size": "decay", "sigma_min": 0.2}, "at most sigma"),
+        ({"step_size": "decay", "sigma_min": 0.05, "restart_sigma": 0.05}, "must exceed"),
     ],
 )
 def test_a_schedule_that_cannot_be_meant_is_refused(settings, message):
@@ -239,7 +239,7 @@ def test_a_collapsed_sigma_restarts_the_search(kind, source):
     settings = {"restart_sigma": 0.09, "restart_from": source}
     optimizer = make_isotropic(**settings) if kind == "iso_cma_es" else make(kind, **settings)
     best_genome, best_fitness = None, -np.inf
-    archive = Archive(FeatureSpace(1, 2, 9), 30, grid_size=3)
+    archive = Archive(MeasureSpace(1, 2, 9), 30, grid_size=3)
     elites = np.arange(60.0).reshape(2, 30)
     archive.add(elites, np.array([0.7, 0.2]), np.array([[1, 2, 3], [1, 2, 4]]), np.zeros((2, 3, 3)))
     optimizer.attach(archive)
@@ -265,7 +265,7 @@ def test_restarts_from_elites_need_an_archive():
     with pytest.raises(OptimizerError, match="needs an archive"):
         optimizer.ask()
     with pytest.raises(OptimizerError, match="have 31 weights, this optimizer's 30"):
-        optimizer.attach(Archive(FeatureSpace(1, 2, 9), 31, grid_size=3))
+        optimizer.attach(Archive(MeasureSpace(1, 2, 9), 31, grid_size=3))
 
 
 def test_without_restart_sigma_nothing_restarts():

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from ncrs.evolution.archive import Additions, Archive, FeatureSpace, Status
+from ncrs.evolution.archive import AddResult, AddStatus, Archive, MeasureSpace
 from ncrs.evolution.optimizers import make_optimizer
 
 DIMENSION = 6
-SPACE = FeatureSpace(1, 2, 9)
+SPACE = MeasureSpace(1, 2, 9)
 
 
 def make(name="cma_me", **settings):
@@ -20,20 +20,20 @@ def make(name="cma_me", **settings):
 
 def additions(rows):
     cells, status, improvement = zip(*rows, strict=True)
-    return Additions(
+    return AddResult(
         np.array(cells), np.array(status, dtype=np.int8), np.array(improvement, dtype=float)
     )
 
 
-NOTHING = additions([(0, Status.NONE, -0.1)] * 5)
+NOTHING = additions([(0, AddStatus.NONE, -0.1)] * 5)
 FITNESS = np.array([0.01, 0.9, 0.5, 0.2, 0.02])
 MIXED = additions(
     [
-        (-1, Status.NONE, np.nan),
-        (3, Status.NONE, -0.05),
-        (4, Status.IMPROVED, 0.3),
-        (5, Status.NEW, 0.2),
-        (-1, Status.NONE, np.nan),
+        (-1, AddStatus.NONE, np.nan),
+        (3, AddStatus.NONE, -0.05),
+        (4, AddStatus.IMPROVED, 0.3),
+        (5, AddStatus.NEW, 0.2),
+        (-1, AddStatus.NONE, np.nan),
     ]
 )
 
@@ -49,8 +49,9 @@ def test_improvement_ranks_new_before_improved_before_the_rest_before_invalid():
 
 
 def test_within_a_stage_the_larger_improvement_leads():
-    added = additions([(0, Status.NEW, 0.3), (1, Status.NEW, 0.4), (2, Status.IMPROVED, 0.9),
-                       (3, Status.IMPROVED, 0.8), (4, Status.NONE, -0.2)])  # fmt: skip
+    added = additions([(0, AddStatus.NEW, 0.3), (1, AddStatus.NEW, 0.4),
+                       (2, AddStatus.IMPROVED, 0.9), (3, AddStatus.IMPROVED, 0.8),
+                       (4, AddStatus.NONE, -0.2)])  # fmt: skip
     assert order(make()[0]._judge(FITNESS, added)[0]) == [1, 0, 2, 3, 4]
 
 
@@ -62,8 +63,8 @@ def test_fitness_ranking_ignores_the_archive():
 
 def test_thresholds_rise_as_in_the_equation():
     optimizer, _ = make("cma_mae", learning_rate=0.25, threshold_min=0.1)
-    added = additions([(2, Status.NEW, 0.5), (2, Status.NONE, 0.0), (7, Status.NEW, 0.3),
-                       (7, Status.NONE, 0.0), (-1, Status.NONE, np.nan)])  # fmt: skip
+    added = additions([(2, AddStatus.NEW, 0.5), (2, AddStatus.NONE, 0.0), (7, AddStatus.NEW, 0.3),
+                       (7, AddStatus.NONE, 0.0), (-1, AddStatus.NONE, np.nan)])  # fmt: skip
     values, useful = optimizer._judge(np.array([0.5, 0.5, 0.3, 0.05, 0.02]), added)
     # t = 0.1, then 0.75 t + 0.25 f for every f above t, one genome after the other.
     first = 0.75 * 0.1 + 0.25 * 0.5
@@ -73,7 +74,7 @@ def test_thresholds_rise_as_in_the_equation():
     # f - t: 0.4, 0.3, 0.2, then below its threshold, then the one without a cell.
     assert order(values) == [0, 1, 2, 3, 4]
     assert useful
-    assert not optimizer._judge(np.full(5, 0.05), additions([(1, Status.NEW, 0.05)] * 5))[1]
+    assert not optimizer._judge(np.full(5, 0.05), additions([(1, AddStatus.NEW, 0.05)] * 5))[1]
 
 
 def test_with_learning_rate_0_the_thresholds_stay():

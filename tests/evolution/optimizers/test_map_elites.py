@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from ncrs.evolution.archive import Additions, Archive, FeatureSpace
+from ncrs.evolution.archive import AddResult, Archive, MeasureSpace
 from ncrs.evolution.optimizers import make_optimizer
 
 DIMENSION = 1000
-SPACE = FeatureSpace(1, 2, 9)
-NOTHING = Additions(np.full(64, -1), np.zeros(64, dtype=np.int8), np.full(64, np.nan))
+SPACE = MeasureSpace(1, 2, 9)
+NOTHING = AddResult(np.full(64, -1), np.zeros(64, dtype=np.int8), np.full(64, np.nan))
 
 
 def make(elites=(), **settings):
@@ -43,7 +43,7 @@ def test_variation_begins_after_the_first_genomes():
 def test_iso_line_children_lie_about_the_line_through_two_elites():
     ends = np.zeros((2, DIMENSION))
     ends[1, 0] = 10.0
-    children = make(ends, sparse_share=0.0, iso_sigma=0.01, line_sigma=0.2).ask()
+    children = make(ends, sparse_fraction=0.0, iso_sigma=0.01, line_sigma=0.2).ask()
     # Across the line the noise is iso_sigma; along it, line_sigma times the distance of the two.
     assert children[:, 1:].std() == pytest.approx(0.01, rel=0.02)
     along = np.minimum(np.abs(children[:, 0]), np.abs(children[:, 0] - 10.0))
@@ -54,9 +54,9 @@ def test_iso_line_children_lie_about_the_line_through_two_elites():
 def test_sparse_children_differ_in_few_weights_or_many_by_little_or_much():
     optimizer = make(
         np.full((1, DIMENSION), 1.0),
-        sparse_share=1.0,
-        sparse_sigma_least=0.01,
-        sparse_sigma_largest=1.0,
+        sparse_fraction=1.0,
+        sparse_sigma_min=0.01,
+        sparse_sigma_max=1.0,
     )
     changes = np.concatenate([optimizer._sparse_children(64) - 1.0 for _ in range(8)])
     mutated = (np.abs(changes) > 0).sum(axis=1)

@@ -1,6 +1,6 @@
 """The optimizers that fill an archive: what all of them owe, and what they are worth.
 
-All tests use ``feature_problem``, where the best fitness of every feature triple is known, so
+All tests use ``feature_problem``, where the best fitness of every measure triple is known, so
 that no elite can flatter itself. At equal evaluations (600 generations of 20) CMA-ES, which follows
 fitness to the one peak, fills about 75 of the 560 triples with QD-score 0.10; CMA-ME with
 improvement ranking fills about 550 with 0.56, where perfect elites everywhere would give 0.61.
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ncrs.evolution.archive import Archive, FeatureSpace
+from ncrs.evolution.archive import Archive, MeasureSpace
 from ncrs.evolution.optimizers import OptimizerError, make_optimizer
 from ncrs.runs.checkpoint import read_state, write_state
 
@@ -73,7 +73,7 @@ def test_every_one_fills_the_archive_and_no_elite_beats_the_optimum(variant):
     problem.advance(optimizer, archive, 150)
     least = 40 if variant == "cma_me fitness" else 120
     assert len(archive) > least
-    assert (archive.column("fitness") <= problem.best_fitness(archive.features)).all()
+    assert (archive.column("fitness") <= problem.best_fitness(archive.measures)).all()
     assert all(np.isfinite(value) for value in optimizer.metrics().values())
 
 
@@ -129,7 +129,7 @@ def test_misuse_is_refused_and_changes_nothing(variant):
     genomes = optimizer.ask()
     twin.ask()
     added = archive.add(
-        genomes, problem.fitness(genomes), problem.features(genomes), np.zeros((20, 4, 4))
+        genomes, problem.fitness(genomes), problem.measures(genomes), np.zeros((20, 4, 4))
     )
     with pytest.raises(OptimizerError, match=r"Archive\.add.*got None"):
         optimizer.tell(np.zeros(20))
@@ -141,7 +141,7 @@ def test_misuse_is_refused_and_changes_nothing(variant):
     problem.judge(twin, its_archive, genomes)
     np.testing.assert_array_equal(optimizer.ask(), twin.ask())
     with pytest.raises(OptimizerError, match="5 weights, this optimizer's 12"):
-        optimizer.attach(Archive(FeatureSpace(1, 2, 16), 5, grid_size=4))
+        optimizer.attach(Archive(MeasureSpace(1, 2, 16), 5, grid_size=4))
     name, settings = VARIANTS[variant]
     alone = make_optimizer(name, problem.DIMENSION, np.random.SeedSequence(0), **settings)
     with pytest.raises(OptimizerError, match="attach"):
@@ -171,9 +171,9 @@ def test_a_state_of_another_optimizer_or_setting_is_refused():
         ("cma_mae", {"threshold_min": float("nan")}, "threshold_min"),
         ("map_elites", {"population": 0}, "population"),
         ("map_elites", {"initial_genomes": -1}, "initial_genomes"),
-        ("map_elites", {"sparse_share": 2.0}, "sparse_share"),
+        ("map_elites", {"sparse_fraction": 2.0}, "sparse_fraction"),
         ("map_elites", {"line_sigma": 0.0}, "line_sigma"),
-        ("map_elites", {"sparse_sigma_least": 2.0}, "sparse_sigma_largest"),
+        ("map_elites", {"sparse_sigma_min": 2.0}, "sparse_sigma_max"),
     ],
 )
 def test_bad_settings(name, settings, message):

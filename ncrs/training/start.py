@@ -1,0 +1,40 @@
+"""The genome that a search starts from."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.automaton.channels import NCALayout, nca_layout
+from ncrs.automaton.transfer import transferred
+from ncrs.runs.published import load_any_champion
+from ncrs.runs.settings import ConfigError
+
+_TOLERANCE = 1e-5
+
+
+def start_genome(source: str, target: NCALayout, symmetric: bool) -> NDArray[np.float64]:
+    """The genome that a search starts from, float64 ``(num_parameters,)``.
+
+    Args:
+        source: a run's folder, a champion's file, or the name of a published champion.
+        target: of the task to search in; a champion of another task is ``transferred``.
+        symmetric: whether the search is among automata that treat left and right alike.
+
+    Raises:
+        ConfigError: there is no such champion; or it is not symmetric, and should be.
+        CheckpointError: its file is damaged.
+    """
+    try:
+        champion = load_any_champion(source)
+    except ConfigError as error:
+        raise ConfigError(
+            f"Cannot start from {source}; if it is an earlier stage, train that first. {error}"
+        ) from error
+    start = transferred(champion.genome, nca_layout(champion.task.name), target)
+    if symmetric and not np.allclose(target.symmetric(start[None])[0], start, atol=_TOLERANCE):
+        raise ConfigError(
+            f"start_from={source} does not treat left and right alike, and this search is among "
+            "automata that do; set symmetric=false."
+        )
+    return start
