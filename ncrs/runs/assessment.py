@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ncrs.runs.champion import Champion
 from ncrs.engines.base import make_engine
+from ncrs.runs.champion import Champion
 from ncrs.runs.statistics import wilson_interval
 from ncrs_envs.body import body_to_characters
 from ncrs_envs.scenario import sample_scenarios

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
 from ncrs.automaton.channels import NCALayout
 from ncrs.automaton.nca import NCA
+from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
 from ncrs.runs.settings import TaskConfig, run_file
 from ncrs_envs.body import parse_body
 from ncrs_envs.tasks import TaskSettings

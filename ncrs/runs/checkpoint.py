@@ -7,8 +7,6 @@ anything is made of the contents.
 
 from __future__ import annotations
 
-from ncrs_envs.errors import NCRSError
-
 import io
 import json
 import os
@@ -22,6 +20,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ncrs_envs.errors import NCRSError
 
 _JSON_MEMBER = "json"
 _ARRAY_KEY = "__array__"

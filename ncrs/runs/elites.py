@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from ncrs_envs.errors import NCRSError
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,14 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.evolution.archive import NO_CELL, Archive, MeasureSpace
-from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
-from ncrs.engines.base import AUTO_ENGINE, Evaluation
-from ncrs.engines.evaluate import evaluate
 from ncrs.automaton.channels import nca_layout
 from ncrs.automaton.nca import NCA
+from ncrs.engines.base import AUTO_ENGINE, Evaluation
+from ncrs.engines.evaluate import evaluate
+from ncrs.evolution.archive import NO_CELL, Archive, MeasureSpace
+from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
 from ncrs.runs.settings import TaskConfig, run_file
 from ncrs_envs.body import Cell, parse_body
+from ncrs_envs.errors import NCRSError
 from ncrs_envs.mirroring import PLAIN_SAMPLING, ScenarioSampling
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import Task, TaskSettings
@@ -94,7 +93,7 @@ class Elite:
 
 @dataclass(frozen=True)
 class EliteArchive:
-    """An archive with the task that its elites are for, and in how many episodes each was evaluated."""
+    """An archive with its task, and with how its elites were evaluated."""
 
     task: TaskConfig
     archive: Archive

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from ncrs_envs.errors import NCRSError
-
 import csv
 import io
 from pathlib import Path
@@ -15,6 +13,7 @@ from ncrs.evolution.archive import Archive
 from ncrs.runs.checkpoint import write_atomically
 from ncrs.runs.elites import EliteArchive
 from ncrs_envs.body import body_to_characters
+from ncrs_envs.errors import NCRSError
 
 CSV_COLUMNS = (
     "sensors", "wheels", "cells", "fitness", "success", "standing_still", "generation",

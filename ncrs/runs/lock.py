@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from ncrs_envs.errors import NCRSError
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +9,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from ncrs.runs.checkpoint import writing_into
+from ncrs_envs.errors import NCRSError
 
 _LOCK_FILE = ".lock"
 

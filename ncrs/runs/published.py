@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from ncrs_envs.errors import NCRSError
-
 import json
 from dataclasses import dataclass
 from importlib import metadata
@@ -13,6 +11,7 @@ from typing import Any
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointError
 from ncrs.runs.settings import ConfigError
+from ncrs_envs.errors import NCRSError
 
 CHAMPION_SUFFIX, CARD_SUFFIX, PICTURE_SUFFIX = ".npz", ".json", ".png"
 CHECKOUT_FOLDER = Path(__file__).parents[2] / "assets" / "champions"

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from ncrs_envs.errors import NCRSError
-
 import difflib
 import json
 import math
@@ -15,10 +13,11 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from ncrs.runs.checkpoint import write_json
 from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
 from ncrs.evolution.optimizers.base import check_settings
+from ncrs.runs.checkpoint import write_json
 from ncrs_envs.body import DEFAULT_GRID_SIZE
+from ncrs_envs.errors import NCRSError
 from ncrs_envs.mirroring import ScenarioSampling, resolve_mirroring
 from ncrs_envs.scenario import NOISE
 from ncrs_envs.tasks import TaskSettings, task_settings
@@ -122,7 +121,7 @@ class TrainConfig:
     ``ncrs.evolution.objective``."""
     start_from: str | None = None
     """Where the search starts instead of at zero: a run's folder, a champion's file, or the name of
-    one that comes with the package; of another task if you like, see ``ncrs.automaton.transfer``."""
+    one that comes with the package; of any task, see ``ncrs.automaton.transfer``."""
     champion_every: int = 10
     """Generations between two re-evaluations of the candidates for champion."""
     champion_episodes: int = 48

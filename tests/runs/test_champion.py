@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from ncrs.automaton.growth import grow
+from ncrs.automaton.nca import NCA
+from ncrs.cli import main
+from ncrs.engines.evaluate import evaluate
 from ncrs.runs.assessment import Proportion, assess
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointError, write_state
-from ncrs.cli import main
-from ncrs.automaton.growth import grow
-from ncrs.engines.evaluate import evaluate
-from ncrs.automaton.nca import NCA
-from ncrs.viz.pictures import episode_frames
 from ncrs.runs.published import load_champion
 from ncrs.runs.settings import ConfigError, TaskConfig
+from ncrs.viz.pictures import episode_frames
 from ncrs_envs.rendering import RenderError
 from ncrs_envs.scenario import ScenarioError
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import ncrs
-from ncrs.evolution.archive import MeasureSpace
-from ncrs.runs.checkpoint import CheckpointError, write_state
 from ncrs.cli import main
-from ncrs.runs.elites import EliteArchive, EliteError, measure_space, load_archive, make_archive
 from ncrs.engines.base import make_engine
-from ncrs.runs.exports import to_pyribs, write_csv
+from ncrs.evolution.archive import MeasureSpace
 from ncrs.evolution.reestimation import reestimate, seed_row
-from ncrs.runs.settings import ConfigError, TaskConfig
 from ncrs.evolution.standstill import standing_still_fitness
+from ncrs.runs.checkpoint import CheckpointError, write_state
+from ncrs.runs.elites import EliteArchive, EliteError, load_archive, make_archive, measure_space
+from ncrs.runs.exports import to_pyribs, write_csv
+from ncrs.runs.settings import ConfigError, TaskConfig
 from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import TASKS, task_settings
 

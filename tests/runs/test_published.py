@@ -15,12 +15,12 @@ from PIL import Image
 
 import ncrs
 import ncrs.runs.published
+from ncrs.cli import main
 from ncrs.runs.assessment import assess
 from ncrs.runs.checkpoint import CheckpointError
-from ncrs.cli import main
-from ncrs.training.hydra import register, train_config
 from ncrs.runs.published import ChampionError, champions_folder, file_stem, load_any_champion
 from ncrs.runs.settings import ConfigError, config_from_dict
+from ncrs.training.hydra import register, train_config
 from ncrs_envs.tasks import TASKS
 
 ROOT = Path(__file__).parents[2]
