@@ -35,7 +35,7 @@ from ncrs_envs.body import BodyGrid, Cell, cell_centers
 from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.physics import wheel_model
 from ncrs_envs.scenario import Point, Scenario, ScenarioError, sample_scenario
-from ncrs_envs.tasks import MAX_EPISODE_STEPS, TASKS, Task, get_task, task_settings
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TASKS, Task, TaskSettings, get_task
 
 Actions = NDArray[np.float32]
 
@@ -96,7 +96,7 @@ def unstable_body(rng: np.random.Generator, grid_size: int) -> BodyGrid:
 
 def run_box2d(task: Task, case: Case) -> Run:
     """Replay a case on Box2D."""
-    episode = Episode(task_settings(task, case.body.shape[0]), Robot(case.body), case.scenario)
+    episode = Episode(TaskSettings(task.name, case.body.shape[0]), Robot(case.body), case.scenario)
     rewards, touched = [], False
     for action in case.actions:
         rewards.append(episode.step(action))
@@ -107,7 +107,7 @@ def run_box2d(task: Task, case: Case) -> Run:
 def run_batched(task: Task, case: Case) -> Run:
     """Replay a case on the batched simulator's kernels."""
     n = case.body.shape[0]
-    settings = settings_array(task, n)
+    settings = settings_array(TaskSettings(task.name, n))
     robots, cells = robot_arrays(case.body[None])
     scenario = scenario_arrays([case.scenario], n)[0]
     state, observation = np.zeros(STATE_SIZE), np.zeros(n * n, dtype=np.float32)
@@ -184,7 +184,7 @@ def _in_the_funnel(
         start = (x + rng.uniform(-15.0, 15.0), rng.uniform(-35.0, -5.0))
         light = _from((x, y), rng.uniform(-1.0, 1.0), rng.uniform(10.0, 40.0))
         moved = replace(scenario, start=start, light=light)
-        episode = Episode(task_settings(task, body.shape[0]), Robot(body), moved)
+        episode = Episode(TaskSettings(task.name, body.shape[0]), Robot(body), moved)
         episode.step(np.zeros(body.shape))
         # Box2D pushes a robot out of what it overlaps; positions are float32 there.
         if not episode.world.touching and math.dist(episode.pose[:2], start) < START_SHIFT:
@@ -205,7 +205,7 @@ def _drive(task: Task, body: BodyGrid, scenario: Scenario, rng: np.random.Genera
     Noise, held for 10 steps at a time, makes it miss now and then.
     """
     n = body.shape[0]
-    episode = Episode(task_settings(task, n), Robot(body), scenario)
+    episode = Episode(TaskSettings(task.name, n), Robot(body), scenario)
     side = np.sign(cell_centers(n)[..., 0])
     actions = np.empty((MAX_EPISODE_STEPS, n, n), dtype=np.float32)
     noise = np.repeat(rng.normal(0.0, 0.3, (MAX_EPISODE_STEPS // 10, n, n)), 10, axis=0)

@@ -14,7 +14,7 @@ from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.base import make_engine
 from ncrs_envs.scenario import sample_scenarios
-from ncrs_envs.tasks import TASKS, task_settings
+from ncrs_envs.tasks import TASKS, TaskSettings
 
 POPULATION = 112
 EPISODES = 12
@@ -57,7 +57,7 @@ def rollout_speed(
     repeats: int = 5,
 ) -> float:
     """Environment steps per second of whole evaluations, NCA included: median of the repeats."""
-    settings = task_settings(task, grid_size)
+    settings = TaskSettings(task, grid_size)
     scenarios = sample_scenarios(task, 1, episodes, grid_size)
     with make_engine(engine, settings, workers) as running:
         steps = running.evaluate(genomes, scenarios).env_steps  # compiles, starts workers

@@ -35,9 +35,9 @@ from ncrs_envs.tasks import (
     LIGHT_CHASE,
     OBSTACLE,
     Task,
+    TaskSettings,
     default_body,
     playfield,
-    task_settings,
 )
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class RobotEnv(_BaseEnv):
             )
         if grid_size is None:
             grid_size = DEFAULT_GRID_SIZE if body is None else parse_body(body).shape[0]
-        self.settings = task_settings(self.task, grid_size, distance_score, success_radius)
+        self.settings = TaskSettings(self.task.name, grid_size, distance_score, success_radius)
         n = self.settings.grid_size
         self.render_mode = render_mode
         self.render_size = check_render_size(render_size)
@@ -213,7 +213,7 @@ class RobotEnv(_BaseEnv):
             wall_quads=wall_quads(episode.scenario, self.settings.grid_size),
             path=np.array(self._path),
             success=episode.success,
-            success_radius=self.settings.success_radius,
+            success_radius=self.settings.radius,
         )
 
     def render(self) -> NDArray[np.uint8] | None:

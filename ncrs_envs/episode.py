@@ -65,9 +65,9 @@ class Episode:
         self._read_poses()
         distances = self.distances
         self.closest = tuple(map(min, self.closest, distances))
-        self.success = self.closest[-1] <= self.settings.success_radius
+        self.success = self.closest[-1] <= self.settings.radius
         self.crossed = self.crossed or self.pose[1] > 0.0
-        scores = [distance_score(d, self._extent, self.settings.score) for d in distances]
+        scores = [distance_score(d, self._extent, self.settings.distance_score) for d in distances]
         return sum(scores) / len(scores)
 
     @property
@@ -101,6 +101,6 @@ class Episode:
             to_target = points + (x - target_x, y - target_y)
             offsets = np.where(self.robot.senses_target[:, None], to_target, offsets)
         distances = np.sqrt((offsets**2).sum(axis=1))
-        if self.settings.score == "exponential":
+        if self.settings.distance_score == "exponential":
             return np.asarray(np.exp(-distances / self._extent))
         return np.asarray((distances / self._extent + 1.0) ** -2)

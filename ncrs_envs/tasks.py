@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,7 @@ from ncrs_envs.body import (
 )
 from ncrs_envs.errors import NCRSError
 
-DistanceScore = Literal["exponential", "inverse_square"]
-DISTANCE_SCORES: tuple[DistanceScore, ...] = ("exponential", "inverse_square")
+DISTANCE_SCORES = ("exponential", "inverse_square")
 
 MAX_EPISODE_STEPS = 100
 PARTIAL_CREDIT = 0.01
@@ -44,7 +43,7 @@ def playfield(grid_size: int) -> float:
     return max(50.0, 5.0 * grid_size + 35.0)
 
 
-def distance_score(distance: float, extent: float, kind: DistanceScore = "exponential") -> float:
+def distance_score(distance: float, extent: float, kind: str = "exponential") -> float:
     """Score in (0, 1] of a distance: ``exp(-d/P)`` or ``(d/P + 1)^-2``, with ``P = extent``."""
     if kind == "exponential":
         return math.exp(-distance / extent)
@@ -162,11 +161,11 @@ def default_body(task: Task, grid_size: int) -> BodyGrid:
     return parse_body(["".join(row) for row in rows], grid_size)
 
 
-def check_distance_score(kind: Any) -> DistanceScore:
+def check_distance_score(kind: Any) -> str:
     """Return ``kind`` if it is a known distance score, else raise ``TaskError``."""
     if kind not in DISTANCE_SCORES:
         raise TaskError(f"distance_score must be one of {list(DISTANCE_SCORES)}, got {kind!r}.")
-    return kind  # type: ignore[no-any-return]
+    return str(kind)
 
 
 def check_success_radius(radius: Any, task: Task) -> float:
@@ -183,33 +182,36 @@ def check_success_radius(radius: Any, task: Task) -> float:
     return float(radius)
 
 
-@dataclass(frozen=True)
+# Not frozen: OmegaConf makes frozen dataclasses read-only, so that nothing could be overridden.
+@dataclass
 class TaskSettings:
-    """A task with the settings that users may change; ``task_settings`` checks them."""
-
-    task: Task
-    grid_size: int
-    score: DistanceScore
-    success_radius: float
-    """Units."""
-
-
-def task_settings(
-    task: str | Task,
-    grid_size: int = DEFAULT_GRID_SIZE,
-    distance_score: str = "exponential",
-    success_radius: float | None = None,
-) -> TaskSettings:
-    """Check the settings that a user may change and bind them to the task.
+    """A task with the settings that users may change, checked where it is made.
 
     Raises:
         TaskError: unknown task or score, or a success radius that is not positive and finite.
         BodyError: ``grid_size`` is not an integer of at least 3.
     """
-    task = get_task(task)
-    return TaskSettings(
-        task=task,
-        grid_size=check_grid_size(grid_size),
-        score=check_distance_score(distance_score),
-        success_radius=check_success_radius(success_radius, task),
-    )
+
+    name: str = "light_chase"
+    """"light_chase", "obstacle" or "carry_ball"."""
+    grid_size: int = DEFAULT_GRID_SIZE
+    """Side n of the body grid, at least 3."""
+    distance_score: str = "exponential"
+    """"exponential" or "inverse_square", the score of the paper's published CarryBall runs."""
+    success_radius: float | None = None
+    """Units; null for the task's own."""
+
+    def __post_init__(self) -> None:
+        self.grid_size = check_grid_size(self.grid_size)
+        check_distance_score(self.distance_score)
+        check_success_radius(self.success_radius, self.task)
+
+    @property
+    def task(self) -> Task:
+        """The task itself."""
+        return get_task(self.name)
+
+    @property
+    def radius(self) -> float:
+        """Distance at which the task counts as solved, in units."""
+        return check_success_radius(self.success_radius, self.task)

@@ -78,7 +78,7 @@ def reestimated(elites: EliteArchive, engine: str, seed: int, episodes: int) -> 
     archive = type(elites.archive).from_state(elites.archive.state())
     copy = EliteArchive(elites.task, archive, episodes)
     stream = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
-    with make_engine(engine, elites.task.checked()) as running:
+    with make_engine(engine, elites.task) as running:
         reestimate(copy.archive, running, stream, episodes)
     return copy
 

@@ -23,19 +23,19 @@ def add_parser(commands: Commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from ncrs.runs.settings import TaskConfig
     from ncrs.viz.play_session import PlaySession
     from ncrs.viz.play_window import PlayWindow
     from ncrs_envs.body import DEFAULT_GRID_SIZE, parse_body
-    from ncrs_envs.tasks import LIGHT_CHASE, default_body
+    from ncrs_envs.tasks import LIGHT_CHASE, TaskSettings, default_body
 
     rival = None
     if options.robot is None:
-        task = TaskConfig(options.task or LIGHT_CHASE.name, options.grid_size or DEFAULT_GRID_SIZE)
+        name = options.task or LIGHT_CHASE.name
+        task = TaskSettings(name, options.grid_size or DEFAULT_GRID_SIZE)
     else:
         rival = given_robot(options)
         task = rival.task
-    settings = task.checked()
+    settings = task
     if options.body is None:
         body = default_body(settings.task, settings.grid_size)
     else:

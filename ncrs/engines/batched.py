@@ -59,7 +59,7 @@ class BatchedEngine(Engine):
             closest=np.full((population, episodes, settings.task.distances), np.inf),
         )
         scenarios = _scenario_table(rows, n)
-        task_settings = settings_array(settings.task, n, settings.score, settings.success_radius)
+        task_settings = settings_array(settings)
 
         def grow(chosen: IntArray) -> None:
             grow_population(growth, part_codes, growth_steps(n), chosen, bodies, finite)

@@ -15,7 +15,7 @@ from ncrs.engines.base import (
 )
 from ncrs_envs.body import DEFAULT_GRID_SIZE
 from ncrs_envs.scenario import Scenario, sample_scenarios
-from ncrs_envs.tasks import Task, task_settings
+from ncrs_envs.tasks import Task, TaskSettings, get_task
 
 EPISODES = 12
 """Episodes per evaluation in the paper."""
@@ -62,7 +62,7 @@ def evaluate(
         EngineSettingError: unknown engine, or ``workers`` that is no positive integer.
         EngineError: a worker was lost.
     """
-    settings = task_settings(task, grid_size, distance_score, success_radius)
+    settings = TaskSettings(get_task(task).name, grid_size, distance_score, success_radius)
     checked = nca_layout(settings.task).check_genomes(genomes)
     if scenarios is None:
         scenarios = sample_scenarios(settings.task, seed, episodes, settings.grid_size)

@@ -44,4 +44,4 @@ def _reward(settings: TaskSettings, scenario: Scenario) -> float:
         assert light is not None  # a scenario has one or the other
         distances = [math.dist(start, light)]
     extent = playfield(settings.grid_size)
-    return float(np.mean([distance_score(d, extent, settings.score) for d in distances]))
+    return float(np.mean([distance_score(d, extent, settings.distance_score) for d in distances]))

@@ -99,7 +99,7 @@ def build_report(
         raise ReportError(f"{run_dir} has no champion yet; record all elites, or train for longer.")
     target = run_dir / REPORT_FOLDER if folder is None else Path(folder)
     _check_target(target)
-    settings = robots.task.checked()
+    settings = robots.task
     scenarios = sample_scenarios(
         settings.task,
         np.random.SeedSequence(seed, spawn_key=(_STREAM,)),
@@ -179,7 +179,7 @@ def _write_robots(
     progress: Callable[[int, int], None] | None,
 ) -> None:
     """Record the robots from ``first`` on, and write their data and genomes."""
-    settings = robots.task.checked()
+    settings = robots.task
     for start in range(first, len(robots), _BATCH):
         rows = slice(start, min(start + _BATCH, len(robots)))
         records = _record(robots, rows, scenarios, settings)

@@ -98,7 +98,7 @@ def record_episodes(
     layout = nca_layout(settings.task)
     _, networks = pack_genomes(genomes, layout)
     part_codes = np.array(layout.part_codes, dtype=np.int8)
-    task = settings_array(settings.task, n, settings.score, settings.success_radius)
+    task = settings_array(settings)
     table = scenario_arrays(scenarios, n)
     tapes = make_tapes(count, number, steps, n * n)
 

@@ -92,7 +92,7 @@ def _duration(seconds: float) -> str:
 
 def facts(config: TrainConfig, robots: Robots, curves: Mapping[str, Curve]) -> dict[str, str]:
     """The run in a few lines, as names and values."""
-    task = robots.task.checked().task
+    task = robots.task.task
     lines = {"Task": task_title(task), "Optimizer": config.optimizer.name, "Seed": str(config.seed)}
     generations = curves.get("fitness/best")
     if generations is not None and len(generations.generations):
@@ -155,8 +155,8 @@ def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, An
         "gridSize": settings.grid_size,
         "extent": playfield(settings.grid_size),
         "wallExtent": WALL_EXTENT,
-        "successRadius": settings.success_radius,
-        "distanceScore": settings.score,
+        "successRadius": settings.radius,
+        "distanceScore": settings.distance_score,
         "hasBall": task.has_ball,
         "lightRadius": LIGHT_RADIUS,
         "ballRadius": BALL_RADIUS,

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from ncrs.evolution.archive import Archive
 from ncrs.runs.champion import CHAMPION_FILE, Champion, load_champion_file
 from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, load_archive, make_archive
-from ncrs.runs.settings import ConfigError, TaskConfig
+from ncrs.runs.settings import ConfigError
 from ncrs_envs.body import body_measures
 from ncrs_envs.errors import NCRSError
+from ncrs_envs.tasks import TaskSettings
 
 
 class ReportError(NCRSError, ValueError):
@@ -29,7 +30,7 @@ class Robots:
     scenarios.
     """
 
-    task: TaskConfig
+    task: TaskSettings
     archive: Archive
     """Empty for runs without elites."""
     elite_episodes: int
@@ -84,7 +85,7 @@ def load_robots(run_dir: Path) -> Robots:
 def gather_robots(archive: EliteArchive | None, champion: Champion | None) -> Robots:
     """Put the elites and the champion into one table; at least one of the two must be given."""
     task = archive.task if archive is not None else _task_of(champion)
-    elites = make_archive(task.checked()) if archive is None else archive.archive
+    elites = make_archive(task) if archive is None else archive.archive
     columns: dict[str, NDArray[Any]] = {
         name: elites.column(name)
         for name in ("genomes", "bodies", "fitness", "success", "generations")
@@ -113,7 +114,7 @@ def gather_robots(archive: EliteArchive | None, champion: Champion | None) -> Ro
     )
 
 
-def _task_of(champion: Champion | None) -> TaskConfig:
+def _task_of(champion: Champion | None) -> TaskSettings:
     if champion is None:
         raise ReportError("There is neither an archive nor a champion to report on.")
     return champion.task

@@ -100,7 +100,7 @@ def assess(
         ScenarioError: ``episodes`` is not a positive integer.
         EngineSettingError: unknown engine.
     """
-    settings = champion.task_settings
+    settings = champion.task
     stream = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
     scenarios = sample_scenarios(settings.task, stream, episodes, settings.grid_size)
     with make_engine(engine, settings, workers) as running:

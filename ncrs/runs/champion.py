@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ncrs.automaton.channels import NCALayout
 from ncrs.automaton.nca import NCA
 from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
-from ncrs.runs.settings import TaskConfig, run_file
+from ncrs.runs.settings import run_file
 from ncrs_envs.body import parse_body
 from ncrs_envs.tasks import TaskSettings
 
@@ -27,7 +27,7 @@ class Champion:
     """Shape ``(num_parameters,)``."""
     body: NDArray[np.int8]
     """Cell codes, ``(n, n)``."""
-    task: TaskConfig
+    task: TaskSettings
     fitness: float
     """Mean over the scenarios that champions are compared on."""
     success: float
@@ -36,11 +36,6 @@ class Champion:
     source: str
     """"sample" if it was drawn, "mean" if it is the mean of the search distribution, "elite" if it
     was the best of the archive."""
-
-    @property
-    def task_settings(self) -> TaskSettings:
-        """The task as it was trained on."""
-        return self.task.checked()
 
     @property
     def nca(self) -> NCA:
@@ -55,8 +50,8 @@ class Champion:
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> Champion:
         """Inverse of ``state``; checks what it is given."""
-        champion = cls(**{**state, "task": TaskConfig(**state["task"])})
-        settings = champion.task_settings
+        champion = cls(**{**state, "task": TaskSettings(**state["task"])})
+        settings = champion.task
         NCALayout(settings.task).check_genomes(champion.genome)
         parse_body(champion.body, settings.grid_size)
         return champion

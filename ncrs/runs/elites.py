@@ -15,7 +15,7 @@ from ncrs.engines.base import AUTO_ENGINE, Evaluation
 from ncrs.engines.evaluate import evaluate
 from ncrs.evolution.archive import NO_CELL, Archive, MeasureSpace
 from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
-from ncrs.runs.settings import TaskConfig, run_file
+from ncrs.runs.settings import run_file
 from ncrs_envs.body import Cell, parse_body
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.mirroring import PLAIN_SAMPLING, ScenarioSampling
@@ -52,7 +52,7 @@ class Elite:
     """Shape ``(num_parameters,)``."""
     body: NDArray[np.int8]
     """Cell codes, ``(n, n)``."""
-    task: TaskConfig
+    task: TaskSettings
     fitness: float
     """Mean over its scenarios: a lucky draw, unless the archive was re-estimated."""
     success: float
@@ -95,7 +95,7 @@ class Elite:
 class EliteArchive:
     """An archive with its task, and with how its elites were evaluated."""
 
-    task: TaskConfig
+    task: TaskSettings
     archive: Archive
     episodes: int
     """Scenarios behind each elite's fitness."""
@@ -173,7 +173,7 @@ def load_archive(path: str | Path) -> EliteArchive:
     )
     state = read_state(path)
     try:
-        task = TaskConfig(**state["task"])
+        task = TaskSettings(**state["task"])
         loaded = EliteArchive(
             task,
             Archive.from_state(state["archive"]),
@@ -183,7 +183,7 @@ def load_archive(path: str | Path) -> EliteArchive:
                 **state.get("sampling", {"mirroring": state.get("mirroring", "none")})
             ).check(),
         )
-        expected = make_archive(task.checked())
+        expected = make_archive(task)
     except (TypeError, KeyError, ValueError) as error:
         raise CheckpointError(f"{path} does not hold an archive: {error}") from error
     if expected.space != loaded.archive.space or expected.dimension != loaded.archive.dimension:

@@ -16,11 +16,10 @@ from typing import Any, get_type_hints
 from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
 from ncrs.evolution.optimizers.base import check_settings
 from ncrs.runs.checkpoint import write_json
-from ncrs_envs.body import DEFAULT_GRID_SIZE
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.mirroring import ScenarioSampling, resolve_mirroring
 from ncrs_envs.scenario import NOISE
-from ncrs_envs.tasks import TaskSettings, task_settings
+from ncrs_envs.tasks import TaskSettings
 
 SETTINGS_FILE = "config.json"
 _LARGEST_SEED = 2**63 - 1  # the archive keeps seeds as int64
@@ -28,20 +27,6 @@ _LARGEST_SEED = 2**63 - 1  # the archive keeps seeds as int64
 
 class ConfigError(NCRSError, ValueError):
     """A setting that is unknown or out of range."""
-
-
-@dataclass
-class TaskConfig:
-    """Which task, on which grid."""
-
-    name: str = "light_chase"
-    grid_size: int = DEFAULT_GRID_SIZE
-    distance_score: str = "exponential"
-    success_radius: float | None = None
-
-    def checked(self) -> TaskSettings:
-        """The task with its settings; ``ValueError`` if one is out of range."""
-        return task_settings(self.name, self.grid_size, self.distance_score, self.success_radius)
 
 
 @dataclass
@@ -97,7 +82,7 @@ class TrainConfig:
     """All settings of a run. The defaults here are the paper's, as far as they go; those of
     ``train.py`` are in ``conf/config.yaml``, and find robots sooner."""
 
-    task: TaskConfig = field(default_factory=TaskConfig)
+    task: TaskSettings = field(default_factory=TaskSettings)
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
     engine: EngineConfig = field(default_factory=EngineConfig)
     seed: int = 0
@@ -133,13 +118,9 @@ class TrainConfig:
     resume: str | None = None
     """Folder of a run to continue."""
 
-    def task_settings(self) -> TaskSettings:
-        """The task with its settings, checked."""
-        return self.task.checked()
-
     def sampling(self) -> ScenarioSampling:
         """How scenarios are drawn, with the mirroring that "auto" stands for; checked."""
-        task = self.task_settings().task
+        task = self.task.task
         mirroring = resolve_mirroring(self.mirroring, task, self.symmetric)
         return ScenarioSampling(mirroring, self.placement_noise).check()
 
@@ -215,7 +196,7 @@ def check_setting_name(name: str, known: Iterable[str]) -> None:
 
 def config_from_dict(values: Mapping[str, Any]) -> TrainConfig:
     """Build a checked config from nested dicts; ``ConfigError`` names what is unknown."""
-    parts = {"task": TaskConfig, "optimizer": OptimizerConfig, "engine": EngineConfig}
+    parts = {"task": TaskSettings, "optimizer": OptimizerConfig, "engine": EngineConfig}
     arguments: dict[str, Any] = {}
     for key, value in values.items():
         check_setting_name(key, (item.name for item in fields(TrainConfig)))

@@ -98,7 +98,7 @@ class Trainer:
     def __init__(self, config: TrainConfig, run_dir: Path) -> None:
         self._config = config.check()
         self._run_dir = run_dir
-        self._settings = config.task_settings()
+        self._settings = config.task
         self._layout = nca_layout(self._settings.task)
         self._sampling = config.sampling()
         try:

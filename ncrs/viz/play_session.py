@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.control import Controller
-from ncrs.runs.settings import TaskConfig
 from ncrs.viz.recording import make_env
 from ncrs.viz.robots import EvolvedRobot
 from ncrs_envs.body import BodyError, BodyGrid, Cell, cell_centers, mass_properties, parse_body
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Scenario, sample_scenarios
-from ncrs_envs.tasks import MAX_EPISODE_STEPS
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 
 def steering(body: BodyGrid, throttle: float, turn: float) -> NDArray[np.float32]:
@@ -44,7 +43,7 @@ class Lane:
         controller: drives it; None if you do.
     """
 
-    def __init__(self, task: TaskConfig, body: BodyGrid, controller: Controller | None) -> None:
+    def __init__(self, task: TaskSettings, body: BodyGrid, controller: Controller | None) -> None:
         # Without Gymnasium's time limit, so that one may drive on.
         self._env: Any = make_env(task, body).unwrapped
         self._controller = controller
@@ -102,14 +101,14 @@ class PlaySession:
 
     def __init__(
         self,
-        task: TaskConfig,
+        task: TaskSettings,
         body: BodyGrid,
         rival: EvolvedRobot | None = None,
         *,
         seed: int = 0,
         endless: bool = False,
     ) -> None:
-        self._settings = task.checked()
+        self._settings = task
         self._task = self._settings.task
         self.body = parse_body(body, self._settings.grid_size)
         self.rival_body = None if rival is None else rival.body

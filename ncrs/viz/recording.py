@@ -15,10 +15,10 @@ from ncrs.automaton.control import Controller
 from ncrs.automaton.growth import grow, read_body, seed_state
 from ncrs.automaton.nca import NCA
 from ncrs.automaton.threads import one_torch_thread
-from ncrs.runs.settings import TaskConfig
 from ncrs_envs.body import BodyGrid
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Scenario, sample_scenarios
+from ncrs_envs.tasks import TaskSettings
 
 
 class Grown(Protocol):
@@ -33,7 +33,7 @@ class Grown(Protocol):
         """Cell codes, ``(n, n)``."""
 
     @property
-    def task(self) -> TaskConfig:
+    def task(self) -> TaskSettings:
         """The task with its settings."""
 
 
@@ -75,19 +75,19 @@ def record_growth(robot: Grown) -> Growth:
     return Growth(states, read_body(channels_first, nca.layout))
 
 
-def make_env(task: TaskConfig, body: BodyGrid) -> gymnasium.Env[Any, Any]:
+def make_env(task: TaskSettings, body: BodyGrid) -> gymnasium.Env[Any, Any]:
     """The Box2D environment of a task with its settings, for one body.
 
     Raises:
         BodyError: a body that the task cannot use.
     """
-    settings = task.checked()
+    settings = task
     return gymnasium.make(
         f"ncrs_envs:{settings.task.env_id}",
         body=body.tolist(),
         grid_size=settings.grid_size,
-        distance_score=settings.score,
-        success_radius=settings.success_radius,
+        distance_score=settings.distance_score,
+        success_radius=settings.radius,
     )
 
 
@@ -123,6 +123,6 @@ def record_episodes(robot: Grown, episodes: int, seed: int) -> list[Recording]:
         BodyError: a body that the task cannot use.
         ScenarioError: ``episodes`` is not a positive integer.
     """
-    settings = robot.task.checked()
+    settings = robot.task
     scenarios = sample_scenarios(settings.task, seed, episodes, settings.grid_size)
     return [record_episode(robot, scenario) for scenario in scenarios]

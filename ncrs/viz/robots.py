@@ -13,9 +13,10 @@ from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCA
 from ncrs.runs.champion import CHAMPION_FILE, load_champion_file
 from ncrs.runs.elites import load_elite
-from ncrs.runs.settings import SETTINGS_FILE, TaskConfig, load_config
+from ncrs.runs.settings import SETTINGS_FILE, load_config
 from ncrs.viz.runs import VizError
 from ncrs_envs.body import BodyError
+from ncrs_envs.tasks import TaskSettings
 
 _GENOME_SUFFIX = ".npy"
 
@@ -27,7 +28,7 @@ class EvolvedRobot:
     nca: NCA
     body: NDArray[np.int8]
     """Cell codes, ``(n, n)``; one that the task can use."""
-    task: TaskConfig
+    task: TaskSettings
     title: str
 
 
@@ -83,10 +84,10 @@ def load_robot(
 def _from_genome(path: Path, task: str | None, grid_size: int | None) -> EvolvedRobot:
     if task is None:
         raise VizError(f"{path} holds a genome alone: say what it is for, as in --task obstacle.")
-    settings = TaskConfig(name=task)
+    settings = TaskSettings(name=task)
     if grid_size is not None:
-        settings = TaskConfig(name=task, grid_size=grid_size)
-    kind = settings.checked().task
+        settings = TaskSettings(name=task, grid_size=grid_size)
+    kind = settings.task
     try:
         genome = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:

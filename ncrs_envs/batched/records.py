@@ -34,23 +34,16 @@ from ncrs_envs.batched.layout import (
 )
 from ncrs_envs.batched.robot import prepare_robot
 from ncrs_envs.scenario import MIN_QUAD_SIDE, Scenario, wall_quads
-from ncrs_envs.tasks import DistanceScore, Task, playfield
+from ncrs_envs.tasks import TaskSettings, playfield
 
 
-def settings_array(
-    task: Task,
-    grid_size: int,
-    distance_score: DistanceScore = "exponential",
-    success_radius: float | None = None,
-) -> NDArray[np.float64]:
-    """A task's settings, already checked, as float64 ``(SETTINGS_SIZE,)``."""
+def settings_array(task: TaskSettings) -> NDArray[np.float64]:
+    """A task's settings as float64 ``(SETTINGS_SIZE,)``."""
     settings = np.zeros(SETTINGS_SIZE)
-    settings[SETTING_EXTENT] = playfield(grid_size)
-    settings[SETTING_INVERSE_SQUARE] = distance_score == "inverse_square"
-    settings[SETTING_SUCCESS_RADIUS] = (
-        task.success_radius if success_radius is None else success_radius
-    )
-    settings[SETTING_HAS_BALL] = task.has_ball
+    settings[SETTING_EXTENT] = playfield(task.grid_size)
+    settings[SETTING_INVERSE_SQUARE] = task.distance_score == "inverse_square"
+    settings[SETTING_SUCCESS_RADIUS] = task.radius
+    settings[SETTING_HAS_BALL] = task.task.has_ball
     return settings
 
 

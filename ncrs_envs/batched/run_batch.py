@@ -120,7 +120,7 @@ class RunBatch:
         n = settings.grid_size
         self.count = count
         self._task = settings.task
-        self._settings = settings_array(settings.task, n, settings.score, settings.success_radius)
+        self._settings = settings_array(settings)
         self._robots = np.zeros((count, robot_size(n)))
         self._cells = np.zeros((count, cells_size(n)), dtype=np.int32)
         self.scenarios = ScenarioTable(settings.task, count, n)

@@ -46,9 +46,9 @@ from ncrs_envs.tasks import (
     MAX_EPISODE_STEPS,
     OBSTACLE,
     Task,
+    TaskSettings,
     default_body,
     playfield,
-    task_settings,
 )
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class RobotVectorEnv(_BaseEnv):
         self.num_envs = check_count(num_envs, "num_envs")
         if grid_size is None:
             grid_size = grid_side(body)
-        self.settings = task_settings(self.task, grid_size, distance_score, success_radius)
+        self.settings = TaskSettings(self.task.name, grid_size, distance_score, success_radius)
         n = self.settings.grid_size
         self.render_mode = render_mode
         self.render_size = check_render_size(render_size)
@@ -369,7 +369,7 @@ class RobotVectorEnv(_BaseEnv):
             wall_quads=wall_quads(scenario, self.settings.grid_size),
             path=np.array(self._paths.get(env) or [(x, y)]),
             success=bool(self._batch.success[env]),
-            success_radius=self.settings.success_radius,
+            success_radius=self.settings.radius,
         )
 
     def _check_open(self) -> None:

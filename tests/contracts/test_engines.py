@@ -13,7 +13,7 @@ from ncrs.engines.base import (
 from ncrs.engines.evaluate import evaluate
 from ncrs_envs.body import body_measures
 from ncrs_envs.scenario import Scenario, ScenarioError, sample_scenarios
-from ncrs_envs.tasks import TASKS, TaskError, task_settings
+from ncrs_envs.tasks import TASKS, TaskError, TaskSettings
 
 
 @pytest.fixture(params=sorted(ENGINES))
@@ -205,7 +205,7 @@ def test_a_state_that_turns_non_finite_is_named_and_ranks_as_nan(engine, full_ge
 
 
 def test_evaluation_can_be_interrupted(engine, genomes):
-    settings = task_settings("light_chase")
+    settings = TaskSettings("light_chase")
     with (
         make_engine(engine, settings, workers=2) as running,
         pytest.raises(EvaluationInterrupted),

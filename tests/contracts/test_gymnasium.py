@@ -196,8 +196,8 @@ def test_every_make_argument_survives_json_and_pickling(env_id, body, notation):
         again = gymnasium.make(spec)
         assert again.unwrapped.body.tolist() == grid.tolist()
         assert again.unwrapped.settings == env.unwrapped.settings
-        assert again.unwrapped.settings.score == "inverse_square"
-        assert again.unwrapped.settings.success_radius == 12.5
+        assert again.unwrapped.settings.distance_score == "inverse_square"
+        assert again.unwrapped.settings.radius == 12.5
         assert again.unwrapped.terminate_on_success is True
         again.reset(seed=0)
         assert again.render().shape == (80, 80, 3)

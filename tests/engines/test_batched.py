@@ -18,12 +18,12 @@ from ncrs.engines.batched import BatchedEngine
 from ncrs.engines.box2d import Box2DEngine
 from ncrs.engines.nca_kernels import RUN_TILE
 from ncrs_envs.scenario import sample_scenarios
-from ncrs_envs.tasks import task_settings
+from ncrs_envs.tasks import TaskSettings
 
 
 @pytest.fixture
 def settings():
-    return task_settings("light_chase")
+    return TaskSettings("light_chase")
 
 
 def test_runs_that_do_not_fill_a_tile_change_nothing(settings, full_genome):

@@ -14,7 +14,7 @@ from ncrs.engines.base import EngineError, EvaluationInterrupted
 from ncrs.engines.box2d import Box2DEngine
 from ncrs.engines.pool import WorkerPool
 from ncrs_envs.scenario import sample_scenarios
-from ncrs_envs.tasks import task_settings
+from ncrs_envs.tasks import TaskSettings
 
 
 def never():
@@ -108,7 +108,7 @@ def test_workers_do_not_outlive_a_killed_parent():
 def test_the_engine_names_the_genome_of_a_killed_worker(full_genome):
     vectors = np.stack([full_genome] * 40)
     scenarios = sample_scenarios("light_chase", 0, 12)
-    with Box2DEngine(task_settings("light_chase"), workers=2) as engine:
+    with Box2DEngine(TaskSettings("light_chase"), workers=2) as engine:
         engine.evaluate(vectors[:2], scenarios[:1])
         victim = engine.worker_pids[1]
         threading.Timer(0.3, os.kill, (victim, signal.SIGKILL)).start()

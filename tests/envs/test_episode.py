@@ -9,7 +9,7 @@ import pytest
 from ncrs_envs.body import Cell, cell_centers, parse_body
 from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.scenario import Scenario, sample_scenario
-from ncrs_envs.tasks import TASKS, playfield, task_settings
+from ncrs_envs.tasks import TASKS, TaskSettings, playfield
 
 CART = parse_body(["LTL", "W#W", "W#W"])
 SEEKER = parse_body(["L#L", "W#W", "W#W"])
@@ -27,7 +27,7 @@ def test_observations_and_rewards_come_from_the_new_poses(name, kind, random_bod
         task, extent = TASKS[name], playfield(n)
         body = random_body(task, n)
         scenario = sample_scenario(task, rng, None, n)
-        episode = Episode(task_settings(task, n, kind), Robot(body), scenario)
+        episode = Episode(TaskSettings(task, n, kind), Robot(body), scenario)
         for _ in range(10):
             reward = episode.step(rng.uniform(-1, 1, (n, n)))
             x, y, angle = episode.pose
@@ -54,7 +54,7 @@ def test_observations_and_rewards_come_from_the_new_poses(name, kind, random_bod
 
 def test_success_is_kept_once_reached():
     scenario = Scenario(start=(0.0, 0.0), light=(0.0, 30.0))
-    settings = task_settings("light_chase", 3)
+    settings = TaskSettings("light_chase", 3)
     episode = Episode(settings, Robot(SEEKER), scenario)
     reached: list[bool] = []
     distances: list[float] = []
@@ -70,7 +70,7 @@ def test_success_is_kept_once_reached():
 
 
 def test_success_in_carry_ball_is_the_ball_near_the_target():
-    settings = task_settings("carry_ball", 3)
+    settings = TaskSettings("carry_ball", 3)
     far = Scenario(start=(0.0, -20.0), ball=(0.0, 0.0), target=(0.0, 10.5))
     episode = Episode(settings, Robot(CART), far)
     episode.step(np.zeros((3, 3)))
@@ -83,7 +83,7 @@ def test_success_in_carry_ball_is_the_ball_near_the_target():
 
 def test_crossed_means_ever_above_the_middle():
     scenario = Scenario(start=(0.0, -1.0), light=(40.0, 40.0))
-    episode = Episode(task_settings("light_chase", 3), Robot(SEEKER), scenario)
+    episode = Episode(TaskSettings("light_chase", 3), Robot(SEEKER), scenario)
     above = []
     for k in range(60):
         episode.step(FULL_GAS if k < 25 else -FULL_GAS)
@@ -95,7 +95,7 @@ def test_crossed_means_ever_above_the_middle():
 
 def test_actions_are_clipped_and_read_in_wheel_cells_only():
     scenario = Scenario(start=(0.0, 0.0), light=(30.0, 30.0))
-    settings = task_settings("light_chase", 3)
+    settings = TaskSettings("light_chase", 3)
     poses = []
     for action in (FULL_GAS, 7.0 * FULL_GAS, np.where(SEEKER == Cell.WHEEL, 1.0, -0.3)):
         episode = Episode(settings, Robot(SEEKER), scenario)

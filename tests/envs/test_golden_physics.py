@@ -11,7 +11,7 @@ from ncrs_envs.body import parse_body
 from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.physics import BALL_RADIUS
 from ncrs_envs.scenario import WALL_EXTENT, Scenario
-from ncrs_envs.tasks import playfield, task_settings
+from ncrs_envs.tasks import TaskSettings, playfield
 
 FILES = {"light_chase": "exponential", "obstacle": "exponential", "carry_ball": "inverse_square"}
 RECORDINGS = 16
@@ -58,7 +58,7 @@ def _scenario(task, record):
 def _replay(task, record):
     """Poses, rewards, sensor values, ball positions, and whether anything was touched."""
     body = parse_body(record["body"])
-    settings = task_settings(task, 5, FILES[task])
+    settings = TaskSettings(task, 5, FILES[task])
     episode = Episode(settings, Robot(body), _scenario(task, record))
     poses, rewards, sensors, balls, touched = [], [], [], [], False
     for gas in record["actions"]:

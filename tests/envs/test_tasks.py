@@ -11,11 +11,11 @@ from ncrs_envs.tasks import (
     LIGHT_CHASE,
     TASKS,
     TaskError,
+    TaskSettings,
     default_body,
     distance_score,
     get_task,
     playfield,
-    task_settings,
 )
 
 
@@ -86,19 +86,19 @@ def test_parts_are_in_the_order_of_the_channels():
 
 
 def test_settings_default_to_the_tasks_radius():
-    assert task_settings("light_chase").success_radius == 20.0
-    assert task_settings("carry_ball").success_radius == 10.0
-    assert task_settings("obstacle", success_radius=3).success_radius == 3.0
+    assert TaskSettings("light_chase").radius == 20.0
+    assert TaskSettings("carry_ball").radius == 10.0
+    assert TaskSettings("obstacle", success_radius=3).radius == 3.0
 
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, math.nan, math.inf, "20", True])
 def test_bad_success_radii_are_refused(radius):
     with pytest.raises(TaskError, match="success_radius must be"):
-        task_settings("light_chase", success_radius=radius)
+        TaskSettings("light_chase", success_radius=radius)
 
 
 def test_unknown_names_are_refused_with_the_known_ones():
     with pytest.raises(TaskError, match=r"Unknown task 'chase'.*light_chase"):
         get_task("chase")
     with pytest.raises(TaskError, match="exponential"):
-        task_settings("light_chase", distance_score="linear")
+        TaskSettings("light_chase", distance_score="linear")

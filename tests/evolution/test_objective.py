@@ -5,7 +5,7 @@ import numpy as np
 from ncrs import evaluate
 from ncrs.evolution.objective import objective
 from ncrs_envs import Scenario
-from ncrs_envs.tasks import task_settings
+from ncrs_envs.tasks import TaskSettings
 
 
 def test_bonuses_for_success_and_for_coming_near(full_genome, genomes):
@@ -14,7 +14,7 @@ def test_bonuses_for_success_and_for_coming_near(full_genome, genomes):
     weights = np.concatenate([full_genome[None], genomes(1, 4572, sigma=1e-6)])
     result = evaluate(weights, "light_chase", scenarios=[near, far])
     np.testing.assert_array_equal(result.success, [[True, False], [False, False]])
-    settings = task_settings("light_chase")
+    settings = TaskSettings("light_chase")
     np.testing.assert_array_equal(objective(result, settings), result.fitness)
     np.testing.assert_allclose(
         objective(result, settings, success_bonus=0.5) - result.fitness, [0.25, 0.0]
@@ -26,7 +26,7 @@ def test_bonuses_for_success_and_for_coming_near(full_genome, genomes):
 
 
 def test_coming_near_counts_for_ball_and_target_alike():
-    settings = task_settings("carry_ball")
+    settings = TaskSettings("carry_ball")
     result = dataclasses.replace(
         evaluate(np.zeros((1, 4873)), "carry_ball", episodes=1), closest=np.array([[[30.0, 60.0]]])
     )

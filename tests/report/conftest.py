@@ -25,7 +25,7 @@ def make_run(folder, task="light_chase", elites=45, with_champion=True, grid_siz
     config = TrainConfig()
     config.task.name = task
     config.task.grid_size = grid_size
-    settings = config.task_settings()
+    settings = config.task
     rng = np.random.default_rng(7)
     archive = make_archive(settings)
     length = nca_layout(settings.task).num_parameters

@@ -15,16 +15,17 @@ from ncrs.runs.assessment import Proportion, assess
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointError, write_state
 from ncrs.runs.published import load_champion
-from ncrs.runs.settings import ConfigError, TaskConfig
+from ncrs.runs.settings import ConfigError
 from ncrs.viz.pictures import episode_frames
 from ncrs_envs.rendering import RenderError
 from ncrs_envs.scenario import ScenarioError
+from ncrs_envs.tasks import TaskSettings
 
 
 @pytest.fixture
 def champion(full_genome):
     body = grow(NCA().set_genome(full_genome))
-    return Champion(full_genome, body, TaskConfig(), 0.4, 0.25, 7, "mean")
+    return Champion(full_genome, body, TaskSettings(), 0.4, 0.25, 7, "mean")
 
 
 @pytest.fixture
@@ -75,7 +76,7 @@ def test_assessment_counts_fresh_episodes(champion):
     # Training's scenarios of the same seed are others.
     assert evaluate(champion.genome, "light_chase", episodes=8, seed=3).fitness[0] != result.fitness
     assert assess(champion, episodes=8, seed=3) == result
-    obstacle = assess(replace(champion, task=TaskConfig(name="obstacle")), episodes=2)
+    obstacle = assess(replace(champion, task=TaskSettings(name="obstacle")), episodes=2)
     assert obstacle.crossed is not None
     assert len(obstacle.lines()) == 3
     with pytest.raises(ScenarioError, match="positive integer"):
@@ -83,7 +84,7 @@ def test_assessment_counts_fresh_episodes(champion):
 
 
 def test_the_task_settings_travel_with_the_champion(champion):
-    easy = replace(champion, task=TaskConfig(success_radius=500.0))
+    easy = replace(champion, task=TaskSettings(success_radius=500.0))
     assert assess(easy, episodes=4).success.fraction == 1.0
 
 

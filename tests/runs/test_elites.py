@@ -15,9 +15,9 @@ from ncrs.evolution.standstill import standing_still_fitness
 from ncrs.runs.checkpoint import CheckpointError, write_state
 from ncrs.runs.elites import EliteArchive, EliteError, load_archive, make_archive, measure_space
 from ncrs.runs.exports import to_pyribs, write_csv
-from ncrs.runs.settings import ConfigError, TaskConfig
+from ncrs.runs.settings import ConfigError
 from ncrs_envs.scenario import Scenario, sample_scenarios
-from ncrs_envs.tasks import TASKS, task_settings
+from ncrs_envs.tasks import TASKS, TaskSettings
 
 EPISODES = 4
 STREAM = np.random.SeedSequence(11, spawn_key=(1, 5))
@@ -26,8 +26,8 @@ STREAM = np.random.SeedSequence(11, spawn_key=(1, 5))
 @pytest.fixture(scope="module")
 def found():
     """Elites among 48 random genomes, as training would file them, with their evaluation."""
-    task = TaskConfig()
-    settings = task.checked()
+    task = TaskSettings()
+    settings = task
     genomes = np.random.default_rng(0).normal(0.0, 0.1, (48, 4572)).astype(np.float32)
     scenarios = sample_scenarios(settings.task, STREAM, EPISODES, 5)
     with make_engine("box2d", settings, 1) as engine:
@@ -77,7 +77,7 @@ def test_an_elite_is_ready_to_use(found, saved):
         assert elite.fitness == evaluation.fitness[index]
         assert elite.success == evaluation.success[index].mean()
         assert (elite.generation, elite.evaluation_seed) == (5, (11, 1, 5))
-        assert elite.task == TaskConfig()
+        assert elite.task == TaskSettings()
         np.testing.assert_array_equal(elite.genome, genomes[index])
         np.testing.assert_array_equal(elite.body, evaluation.bodies[index])
         np.testing.assert_array_equal(ncrs.grow(elite.nca), elite.body)
@@ -88,7 +88,7 @@ def test_an_elites_fitness_can_be_had_again_from_its_seed(found):
     elite = elites.elite(elites.archive.measures[0].tolist())
     again = elite.evaluate(engine="box2d")
     assert again.fitness[0] == elite.fitness
-    sterner = dataclasses.replace(elite, task=TaskConfig(distance_score="inverse_square"))
+    sterner = dataclasses.replace(elite, task=TaskSettings(distance_score="inverse_square"))
     assert sterner.evaluate(engine="box2d").fitness[0] < elite.fitness
 
 
@@ -108,7 +108,7 @@ def test_what_is_not_there_is_said_with_what_is_nearest(found):
         with pytest.raises(EliteError, match="three integers"):
             elites.elite(wrong)
     with pytest.raises(EliteError, match="no elites"):
-        EliteArchive(TaskConfig(), make_archive(TaskConfig().checked()), 1).elite((1, 2, 3))
+        EliteArchive(TaskSettings(), make_archive(TaskSettings()), 1).elite((1, 2, 3))
 
 
 def test_files_that_hold_no_archive(saved, tmp_path):
@@ -123,8 +123,8 @@ def test_files_that_hold_no_archive(saved, tmp_path):
     write_state(tmp_path / "other.npz", {"generation": 3})
     with pytest.raises(CheckpointError, match="does not hold an archive"):
         load_archive(tmp_path / "other.npz")
-    foreign = make_archive(TaskConfig(name="carry_ball").checked())
-    EliteArchive(TaskConfig(), foreign, 1).save(tmp_path / "foreign.npz")
+    foreign = make_archive(TaskSettings(name="carry_ball"))
+    EliteArchive(TaskSettings(), foreign, 1).save(tmp_path / "foreign.npz")
     with pytest.raises(CheckpointError, match="does not fit its task"):
         load_archive(tmp_path / "foreign.npz")
 
@@ -143,7 +143,7 @@ def test_a_file_needs_no_pickle(saved):
     ],
 )  # fmt: skip
 def test_standing_still(task, scenario, expected):
-    settings = task_settings(task)
+    settings = TaskSettings(task)
     assert standing_still_fitness(settings, [scenario]) == pytest.approx(expected)
     np.testing.assert_allclose(standing_still_fitness(settings, [[scenario]] * 3), [expected] * 3)
 
@@ -153,7 +153,7 @@ def test_standing_still_is_what_the_engine_gives_a_robot_without_gas(task):
     from ncrs_envs.episode import Episode, Robot
     from ncrs_envs.tasks import default_body
 
-    settings = task_settings(task, distance_score="inverse_square")
+    settings = TaskSettings(task, distance_score="inverse_square")
     scenarios = sample_scenarios(task, 3, 4)
     robot = Robot(default_body(settings.task, 5))
     rewards = [
@@ -167,7 +167,7 @@ def test_new_estimates_come_from_the_fresh_scenarios(found):
     elites, _, _ = found
     copy = type(elites.archive).from_state(elites.archive.state())
     stream = np.random.SeedSequence(77, spawn_key=(4, 9))
-    with make_engine("box2d", TaskConfig().checked(), 1) as engine:
+    with make_engine("box2d", TaskSettings(), 1) as engine:
         reestimate(copy, engine, stream, 3)
         scenarios = sample_scenarios("light_chase", stream, 3)
         expected = engine.evaluate(elites.archive.column("genomes"), scenarios)

@@ -8,9 +8,9 @@ import pytest
 from ncrs.evolution.optimizers.base import Optimizer
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointFolder
-from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TaskConfig, TrainConfig
+from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig
 from ncrs.training.trainer import Trainer, train
-from ncrs_envs.tasks import LIGHT_CHASE, default_body
+from ncrs_envs.tasks import LIGHT_CHASE, TaskSettings, default_body
 
 
 def config(**changes):
@@ -30,7 +30,7 @@ def config(**changes):
 def seed_file(tmp_path, full_genome):
     path = tmp_path / "seed.npz"
     body = default_body(LIGHT_CHASE, 5)
-    Champion(full_genome, body, TaskConfig(), 0.4, 0.0, 0, "mean").save(path)
+    Champion(full_genome, body, TaskSettings(), 0.4, 0.0, 0, "mean").save(path)
     return path
 
 

@@ -15,9 +15,10 @@ from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCA
 from ncrs.runs.champion import Champion
 from ncrs.runs.elites import make_archive
-from ncrs.runs.settings import TaskConfig, TrainConfig
+from ncrs.runs.settings import TrainConfig
 from ncrs.training.tensorboard import Budget, RunPictures, add_end, add_settings, spread
 from ncrs_envs.body import body_measures
+from ncrs_envs.tasks import TaskSettings
 
 GENOME_LENGTH = 4572
 
@@ -32,12 +33,13 @@ class Clock:
 
 @pytest.fixture
 def champion(full_genome):
-    return Champion(full_genome, grow(NCA().set_genome(full_genome)), TaskConfig(), 0.4, 0.2, 7, "")
+    body = grow(NCA().set_genome(full_genome))
+    return Champion(full_genome, body, TaskSettings(), 0.4, 0.2, 7, "")
 
 
 @pytest.fixture
 def archive(champion):
-    archive = make_archive(TaskConfig().checked())
+    archive = make_archive(TaskSettings())
     body = np.array(champion.body)
     bodies = [body]
     for cell in range(12):

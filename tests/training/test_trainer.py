@@ -18,9 +18,10 @@ from ncrs.runs.champion import load_champion_file
 from ncrs.runs.checkpoint import CheckpointError, CheckpointFolder
 from ncrs.runs.lock import RunError
 from ncrs.runs.metrics import MetricsFile
-from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TaskConfig, TrainConfig
+from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig
 from ncrs.training import logs
 from ncrs.training.trainer import train
+from ncrs_envs.tasks import TaskSettings
 
 ROOT = Path(__file__).parents[2]
 GENERATIONS = 6
@@ -217,7 +218,7 @@ def test_other_settings_are_refused_on_resuming_with_both_values(undisturbed):
     before = final_state(run_dir), (run_dir / "config.json").read_bytes()
     for changes, message in [
         ({"seed": 9}, "its seed is 1, 9 was given"),
-        ({"task": TaskConfig("obstacle")}, "its task.name is 'light_chase', 'obstacle' was given"),
+        ({"task": TaskSettings("obstacle")}, "its task.name is 'light_chase', 'obstacle' was"),
         ({"episodes": 24}, "its episodes is 2, 24 was given"),
     ]:
         with pytest.raises(ConfigError, match=message):

@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 
 from ncrs.cli import main
-from ncrs.runs.settings import TaskConfig
 from ncrs.viz.play_session import PlaySession, steering
 from ncrs.viz.play_view import draw_play, layout_of
 from ncrs.viz.play_window import DEFAULT_SPEED, PlayWindow
 from ncrs.viz.robots import load_robot
 from ncrs.viz.runs import VizError
 from ncrs_envs.body import BodyError, Cell, parse_body
-from ncrs_envs.tasks import CARRY_BALL, LIGHT_CHASE, default_body
+from ncrs_envs.tasks import CARRY_BALL, LIGHT_CHASE, TaskSettings, default_body
 
-TASK = TaskConfig()
+TASK = TaskSettings()
 BODY = default_body(LIGHT_CHASE, 5)
 EDITED = (0, 0)
 
@@ -120,7 +119,7 @@ def test_pixels_and_cells(session):
 
 
 def test_the_picture_shows_the_sensors():
-    carry = PlaySession(TaskConfig("carry_ball"), default_body(CARRY_BALL, 5))
+    carry = PlaySession(TaskSettings("carry_ball"), default_body(CARRY_BALL, 5))
     picture = draw_play(carry, Cell.WHEEL, 0.5, "")
     width, height = layout_of(carry).size
     assert picture.shape == (height, width, 3)

@@ -20,7 +20,7 @@ from ncrs_envs.batched.simulate import reset_run, step_run
 from ncrs_envs.body import cell_centers, parse_body
 from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.scenario import Scenario
-from ncrs_envs.tasks import MAX_EPISODE_STEPS, get_task, task_settings
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 
 class BatchedRun:
@@ -31,7 +31,7 @@ class BatchedRun:
     ) -> None:
         self.body = parse_body(body)
         n = self.body.shape[0]
-        self.settings = settings_array(get_task(task), n, score)
+        self.settings = settings_array(TaskSettings(task, n, score))
         robots, cells = robot_arrays(self.body[None])
         self.robot, self.cells = robots[0], cells[0]
         self.scenario = scenario_arrays([scenario], n)[0]
@@ -108,7 +108,7 @@ def compare() -> Callable[..., Comparison]:
         actions: NDArray[np.float32] | None = None,
     ) -> Comparison:
         n = body.shape[0]
-        episode = Episode(task_settings(task, n), Robot(body), scenario)
+        episode = Episode(TaskSettings(task, n), Robot(body), scenario)
         batched = BatchedRun(task, body, scenario)
         rewards, touched, gap = [], False, 0.0
         noise = np.repeat(rng.normal(0.0, 0.3, (MAX_EPISODE_STEPS // 10, n, n)), 10, axis=0)

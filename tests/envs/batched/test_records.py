@@ -6,7 +6,7 @@ from ncrs_envs import Scenario, sample_scenarios
 from ncrs_envs.batched import layout
 from ncrs_envs.batched.records import quad_capacity, scenario_arrays, settings_array
 from ncrs_envs.scenario import wall_quads
-from ncrs_envs.tasks import get_task
+from ncrs_envs.tasks import TaskSettings
 
 
 def _quads(row):
@@ -21,9 +21,9 @@ def _points(quad):
 
 
 def test_settings():
-    row = settings_array(get_task("carry_ball"), 7, "inverse_square", 3.0)
+    row = settings_array(TaskSettings("carry_ball", 7, "inverse_square", 3.0))
     assert row.tolist() == [70.0, 1.0, 3.0, 1.0]
-    assert settings_array(get_task("obstacle"), 5).tolist() == [60.0, 0.0, 20.0, 0.0]
+    assert settings_array(TaskSettings("obstacle")).tolist() == [60.0, 0.0, 20.0, 0.0]
 
 
 def test_points():
