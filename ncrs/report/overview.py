@@ -11,6 +11,7 @@ from ncrs.automaton.channels import STATE_LIMIT, NCALayout, nca_layout
 from ncrs.report.curves import Curve
 from ncrs.report.robots import Robots
 from ncrs.runs.settings import TrainConfig
+from ncrs.runs.text import duration_text
 from ncrs_envs import canvas
 from ncrs_envs.body import CELL_CHARACTERS, CELL_SIZE, SENSOR_CELLS, Cell, body_to_characters
 from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, TARGET_SIDE
@@ -84,12 +85,6 @@ def _last(curves: Mapping[str, Curve], tag: str) -> float | None:
     return None if curve is None or not len(curve.values) else float(curve.values[-1])
 
 
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s"
-
-
 def facts(config: TrainConfig, robots: Robots, curves: Mapping[str, Curve]) -> dict[str, str]:
     """The run in a few lines, as names and values."""
     task = robots.task.task
@@ -103,7 +98,7 @@ def facts(config: TrainConfig, robots: Robots, curves: Mapping[str, Curve]) -> d
             lines[name] = f"{value:,.0f}"
     seconds = sum(float(c.values.sum()) for tag, c in curves.items() if tag.startswith("time/"))
     if seconds > 0.0:
-        lines["Computing time"] = _duration(seconds)
+        lines["Computing time"] = duration_text(seconds)
     if robots.elites:
         statistics = robots.archive.statistics()
         possible = len(robots.archive.space.triples)
