@@ -1,4 +1,4 @@
-"""A run's curves by generation: from its table of metrics, or from its TensorBoard files."""
+"""A run's curves by generation, from its table of metrics."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ncrs.runs.metrics import GENERATION, METRICS_FILE, read_metrics
 
-EVENT_FILES = "events.out.tfevents.*"
 MOST_POINTS = 400
 """Points of a curve that are drawn."""
 
@@ -39,16 +38,14 @@ def load_curves(run_dir: Path) -> dict[str, Curve]:
     Raises:
         ConfigError: a table of metrics that cannot be read.
     """
-    if (run_dir / METRICS_FILE).is_file():
-        table = read_metrics(run_dir)
-        generations = table.pop(GENERATION).astype(int).tolist()
-        return {
-            tag: _curve(dict(zip(generations, values.tolist(), strict=True)))
-            for tag, values in table.items()
-        }
-    if any(run_dir.glob(EVENT_FILES)):
-        return _from_events(run_dir)
-    return {}
+    if not (run_dir / METRICS_FILE).is_file():
+        return {}
+    table = read_metrics(run_dir)
+    generations = table.pop(GENERATION).astype(int).tolist()
+    return {
+        tag: _curve(dict(zip(generations, values.tolist(), strict=True)))
+        for tag, values in table.items()
+    }
 
 
 def _curve(points: Mapping[int, float]) -> Curve:
@@ -58,16 +55,3 @@ def _curve(points: Mapping[int, float]) -> Curve:
         np.array([generation for generation, _ in kept], dtype=np.int64),
         np.array([value for _, value in kept], dtype=np.float64),
     )
-
-
-def _from_events(run_dir: Path) -> dict[str, Curve]:
-    from tensorboard.backend.event_processing import event_accumulator as events
-
-    # 0 keeps all; of what is not a number, one is the least that can be kept.
-    sizes = dict.fromkeys(events.DEFAULT_SIZE_GUIDANCE, 1) | {events.SCALARS: 0}
-    accumulator = events.EventAccumulator(str(run_dir), size_guidance=sizes)
-    accumulator.Reload()
-    return {
-        tag: _curve({event.step: event.value for event in accumulator.Scalars(tag)})
-        for tag in accumulator.Tags()["scalars"]
-    }
