@@ -40,7 +40,25 @@ class DamagedCheckpointError(CheckpointError):
 
 
 class CheckpointWarning(UserWarning):
-    """A damaged checkpoint was passed over for an older one."""
+    """A damaged checkpoint was passed over for the one before it."""
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn what the file system refuses in the block into a ``CheckpointError``.
+
+    The block promises that earlier contents survive: it appends, or replaces whole files.
+
+    Args:
+        path: the file or folder that is written, for the message.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise CheckpointError(
+            f"Could not write {path}: {error.strerror or error}. What was saved before is intact; "
+            "free space, change permissions, or use another folder."
+        ) from error
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
@@ -49,9 +67,9 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
     Raises:
         CheckpointError: the disk is full, or the folder cannot be written; the old file is intact.
     """
-    try:
-        # One name: what a killed process left behind is overwritten, not collected.
-        temporary = path.with_name(f".{path.name}{_TEMPORARY}")
+    # One name: what a killed process left behind is overwritten, not collected.
+    temporary = path.with_name(f".{path.name}{_TEMPORARY}")
+    with writing(path):
         try:
             with temporary.open("wb") as stream:
                 write(stream)
@@ -61,23 +79,6 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
         finally:
             temporary.unlink(missing_ok=True)
         _sync_folder(path.parent)
-    except OSError as error:
-        raise CheckpointError(
-            f"Could not write {path}: {error.strerror or error}. What was there before is intact; "
-            "free space or change permissions and continue."
-        ) from error
-
-
-@contextmanager
-def writing_into(folder: Path) -> Iterator[None]:
-    """Turn what the file system refuses in the block into a ``CheckpointError`` that says so."""
-    try:
-        yield
-    except OSError as error:
-        raise CheckpointError(
-            f"Could not write into {folder}: {error.strerror or error}. Free space, change its "
-            "permissions, or use another folder."
-        ) from error
 
 
 def _sync_folder(folder: Path) -> None:
@@ -218,13 +219,13 @@ class CheckpointFolder:
             self._failure = error
 
     def _write(self, generation: int, state: dict[str, Any]) -> Path:
-        with writing_into(self.folder):
+        with writing(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
             for unfinished in self.folder.glob(f".*{_TEMPORARY}"):
                 unfinished.unlink()  # left by a process that was killed while it wrote
         path = self.folder / f"generation_{generation:08d}.npz"
         write_state(path, state)
-        with writing_into(self.folder):
+        with writing(self.folder):
             for old in self.paths()[_KEPT:]:
                 old.unlink()
         return path
@@ -247,10 +248,10 @@ class CheckpointFolder:
                 continue
             for passed, message in damaged.items():
                 renamed = passed.with_name(passed.name + _DAMAGED)
-                with writing_into(self.folder):
+                with writing(self.folder):
                     passed.replace(renamed)
                 warnings.warn(
-                    f"{message} It is now {renamed.name}; going on from {path.name}.",
+                    f"{message} It is now {renamed.name}; the run resumes from {path.name}.",
                     CheckpointWarning,
                     2,
                 )

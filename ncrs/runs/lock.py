@@ -8,7 +8,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from ncrs.runs.checkpoint import writing_into
+from ncrs.runs.checkpoint import writing
 from ncrs_envs.errors import NCRSError
 
 _LOCK_FILE = ".lock"
@@ -26,7 +26,7 @@ def locked(run_dir: Path) -> Iterator[None]:
         RunError: another process holds it.
         CheckpointError: it cannot be written.
     """
-    with writing_into(run_dir):
+    with writing(run_dir):
         run_dir.mkdir(parents=True, exist_ok=True)
         lock = FileLock(run_dir / _LOCK_FILE)
         try:

@@ -22,7 +22,7 @@ from tqdm import tqdm
 from ncrs.engines.base import Evaluation
 from ncrs.evolution.archive import Archive
 from ncrs.runs.champion import Champion
-from ncrs.runs.checkpoint import writing_into
+from ncrs.runs.checkpoint import writing
 from ncrs.runs.metrics import MetricsFile
 from ncrs.runs.settings import TrainConfig
 from ncrs.training.tensorboard import RunPictures, add_curves, add_end, add_settings
@@ -113,7 +113,7 @@ class RunLog:
 
     def __init__(self, run_dir: Path, config: TrainConfig, start: int) -> None:
         self._run_dir = run_dir
-        with writing_into(run_dir):
+        with writing(run_dir):
             self._writer = SummaryWriter(str(run_dir), purge_step=start if start else None)
         self._pictures = RunPictures(self._writer)
         self._table = MetricsFile(run_dir, start)
@@ -147,7 +147,7 @@ class RunLog:
         """
         values = {**metrics, **self._of_champion}
         self._of_champion = {}
-        with writing_into(self._run_dir):
+        with writing(self._run_dir):
             add_curves(self._writer, values, index)
             self._table.add(index, values)
         self._bar.set_postfix(best=f"{best:.4f}", refresh=False)
@@ -159,7 +159,7 @@ class RunLog:
             "champion/fitness": champion.fitness,
             "champion/success": champion.success,
         }
-        with writing_into(self._run_dir):
+        with writing(self._run_dir):
             self._pictures.champion(champion)
 
     def population(
@@ -178,7 +178,7 @@ class RunLog:
             archive: after this generation.
         """
         last = index == self._last
-        with writing_into(self._run_dir):
+        with writing(self._run_dir):
             self._pictures.generation(index, fitness, genomes, archive, last=last)
             if last:
                 add_end(self._writer)
@@ -193,5 +193,5 @@ class RunLog:
         traceback: TracebackType | None,
     ) -> None:
         self._bar.close()
-        with writing_into(self._run_dir):
+        with writing(self._run_dir):
             self._writer.close()

@@ -115,7 +115,7 @@ def test_a_damaged_checkpoint_is_passed_over_with_a_warning(tmp_path):
     newest.write_bytes(newest.read_bytes()[:-100])
     with pytest.warns(
         CheckpointWarning,
-        match=r"It is now generation_00000002.npz.damaged; going on from generation_00000001",
+        match=r"It is now generation_00000002.npz.damaged; the run resumes from generation_0+1",
     ):
         assert folder.load()["generation"] == 1
     folder.save(3, state(3))  # beside the whole one, not the damaged one
@@ -163,7 +163,7 @@ def test_a_failure_in_the_background_is_raised_once(tmp_path, then):
     blocked.write_text("")
     folder = CheckpointFolder(blocked)
     folder.save_in_background(1, state(1))
-    with pytest.raises(CheckpointError, match="Could not write into"):
+    with pytest.raises(CheckpointError, match="Could not write"):
         folder.wait() if then == "wait" else getattr(folder, then)(2, state(2))
     folder.wait()
 
