@@ -16,11 +16,11 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     """
     if trials < 1 or not 0 <= successes <= trials:
         raise ValueError(f"need 0 <= successes <= trials and trials > 0, got {successes}/{trials}.")
-    share = successes / trials
+    fraction = successes / trials
     squared = _Z_95**2
-    center = (share + squared / (2 * trials)) / (1 + squared / trials)
+    center = (fraction + squared / (2 * trials)) / (1 + squared / trials)
     half = (_Z_95 / (1 + squared / trials)) * math.sqrt(
-        share * (1 - share) / trials + squared / (4 * trials**2)
+        fraction * (1 - fraction) / trials + squared / (4 * trials**2)
     )
     # At either end the interval reaches it exactly; rounding must not leave it outside.
     low = 0.0 if successes == 0 else max(0.0, center - half)
