@@ -6,8 +6,6 @@ import argparse
 import pickle
 from pathlib import Path
 
-import numpy as np
-
 from ncrs.commands import Commands, folder_of, print_saved
 from ncrs.engines.base import AUTO_ENGINE, ENGINES, make_engine
 from ncrs.engines.evaluate import EPISODES
@@ -16,12 +14,11 @@ from ncrs.evolution.reestimation import reestimate
 from ncrs.runs.checkpoint import write_atomically
 from ncrs.runs.elites import EliteArchive, load_archive
 from ncrs.runs.exports import to_pyribs, write_csv
+from ncrs.runs.seeds import Stream, seed_row, seed_sequence
 
 REESTIMATED_FILE = "archive_reestimated.npz"
 CSV_FILE = "archive.csv"
 PYRIBS_FILE = "archive_pyribs.pkl"
-# First key of the scenarios' stream; training and assessment have the keys below.
-_STREAM = 5
 
 
 def add_parser(commands: Commands) -> None:
@@ -39,7 +36,7 @@ def add_parser(commands: Commands) -> None:
         "--episodes", type=int, default=EPISODES, help="fresh scenarios; default: %(default)s"
     )
     parser.add_argument("--engine", choices=[AUTO_ENGINE, *sorted(ENGINES)], default=AUTO_ENGINE)
-    parser.add_argument("--seed", type=int, default=0, help="of the scenarios; default: 0")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the scenarios; default: 0")
     parser.add_argument(
         "--export",
         choices=("csv", "pyribs"),
@@ -74,12 +71,14 @@ def reestimated(elites: EliteArchive, engine: str, seed: int, episodes: int) -> 
     Raises:
         EngineSettingError: unknown engine.
         ScenarioError: ``episodes`` below 1.
+        SeedError: a negative seed.
     """
     archive = type(elites.archive).from_state(elites.archive.state())
     copy = EliteArchive(elites.task, archive, episodes)
-    stream = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
-    with make_engine(engine, elites.task) as running:
-        reestimate(copy.archive, running, stream, episodes)
+    task, sequence = elites.task, seed_sequence(seed, Stream.COMMAND_REESTIMATION)
+    scenarios = copy.sampling.draw(task.task, sequence, episodes, task.grid_size)
+    with make_engine(engine, task) as running:
+        reestimate(copy.archive, running, scenarios, seed_row(sequence))
     return copy
 
 

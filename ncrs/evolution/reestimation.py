@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ncrs.engines.base import Engine, StopCheck
-from ncrs.evolution.archive import SEED_LENGTH, Archive
+from ncrs.evolution.archive import Archive
 from ncrs.evolution.standstill import standing_still_fitness
-from ncrs_envs.mirroring import PLAIN_SAMPLING, ScenarioSampling
+from ncrs_envs.scenario import Scenario
 
 # Genomes per call of the engine: bounds its memory, and how long a stop has to wait.
 _CHUNK = 256
 
 
-def seed_row(stream: np.random.SeedSequence) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Entropy and spawn key of a stream as an archive keeps them, int64 ``(4,)``."""
-    assert isinstance(stream.entropy, int)
-    numbers = [stream.entropy, *stream.spawn_key]
-    return np.array(numbers + [-1] * (SEED_LENGTH - len(numbers)), dtype=np.int64)
-
-
 def reestimate(
     archive: Archive,
     engine: Engine,
-    stream: np.random.SeedSequence,
-    episodes: int,
+    scenarios: Sequence[Scenario],
+    seeds: NDArray[np.int64],
     should_stop: StopCheck | None = None,
-    sampling: ScenarioSampling = PLAIN_SAMPLING,
 ) -> int:
     """Evaluate all elites on the same fresh scenarios, and keep those estimates instead.
 
@@ -34,22 +29,19 @@ def reestimate(
 
     Args:
         archive: changed in place, only after all elites were evaluated.
-        engine: of the archive's task.
-        stream: of the scenarios.
-        episodes: number of scenarios.
+        engine: an engine for the archive's task.
+        scenarios: E fresh scenarios.
+        seeds: row that says where the scenarios came from, ``(4,)``, see ``Archive.add``.
         should_stop: polled now and then; True ends the evaluation.
-        sampling: how the scenarios are drawn.
 
     Returns:
-        How many elites were dropped.
+        Number of elites that were dropped.
 
     Raises:
         ArchiveError: an estimate is infinite; the archive is as it was.
         EngineError: a worker was lost.
         EvaluationInterrupted: ``should_stop`` returned True.
     """
-    settings = engine.settings
-    scenarios = sampling.draw(settings.task, stream, episodes, settings.grid_size)
     genomes = archive.column("genomes")
     if not len(genomes):
         return 0
@@ -60,7 +52,7 @@ def reestimate(
     archive.replace_estimates(
         np.concatenate([part.fitness for part in parts]),
         np.concatenate([part.success.mean(axis=1) for part in parts]),
-        standing_still_fitness(settings, scenarios),
-        seed_row(stream),
+        standing_still_fitness(engine.settings, scenarios),
+        seeds,
     )
     return len(genomes) - len(archive)

@@ -18,6 +18,7 @@ from ncrs.report.curves import load_curves
 from ncrs.report.encoding import pack, quantize, write_data
 from ncrs.report.overview import charts, facts, robot_table, setting_lines, task_title, world
 from ncrs.report.robots import ReportError, Robots, load_robots
+from ncrs.runs.seeds import Stream, seed_sequence
 from ncrs.runs.settings import load_config
 from ncrs_envs.body import sensor_mask, wheel_mask
 from ncrs_envs.physics import MAX_TRANSLATION
@@ -47,8 +48,6 @@ _SCRIPTS = (
     "archive.js",
     "app.js",
 )
-# Begins the stream of a report's scenarios, which no run has been trained or tested on.
-_STREAM = 6
 
 
 @dataclass(frozen=True)
@@ -88,6 +87,7 @@ def build_report(
         ReportError: there is no robot to show; or ``folder`` holds something else than a report;
             or an option is unknown.
         ScenarioError: ``episodes`` is not a positive integer.
+        SeedError: ``seed`` is not a non-negative integer.
         CheckpointError: a file of the run is damaged.
     """
     run_dir = Path(run_dir)
@@ -102,7 +102,7 @@ def build_report(
     settings = robots.task
     scenarios = sample_scenarios(
         settings.task,
-        np.random.SeedSequence(seed, spawn_key=(_STREAM,)),
+        seed_sequence(seed, Stream.REPORT),
         episodes,
         settings.grid_size,
     )

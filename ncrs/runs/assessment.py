@@ -9,6 +9,7 @@ import numpy as np
 
 from ncrs.engines.base import make_engine
 from ncrs.runs.champion import Champion
+from ncrs.runs.seeds import Stream, seed_sequence
 from ncrs.runs.statistics import wilson_interval
 from ncrs_envs.body import body_to_characters
 from ncrs_envs.scenario import sample_scenarios
@@ -19,8 +20,6 @@ _EPISODES_OF_A_DECIMAL = 1000
 """From so many on a tenth of a percent is worth printing."""
 REFERENCE_ENGINE = "box2d"
 """Champions are tested in the reference physics, whichever engine they evolved on."""
-# Seeds the scenarios apart from those of training, which begin with other keys.
-_STREAM = 3
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Proportion:
     episodes: int
     fraction: float
     interval: tuple[float, float]
-    """95 % Wilson interval of the share."""
+    """95 % Wilson interval of the fraction."""
 
     @classmethod
     def of(cls, count: int, episodes: int) -> Proportion:
@@ -39,14 +38,16 @@ class Proportion:
         return cls(count, episodes, count / episodes, wilson_interval(count, episodes))
 
     def percentages(self) -> tuple[str, str, str]:
-        """The share and the ends of its interval, as precisely as the episodes allow."""
+        """The fraction and the ends of its interval, as precisely as the episodes allow."""
         digits = 0 if self.episodes < _EPISODES_OF_A_DECIMAL else 1
-        share, low, high = (f"{value:.{digits}%}" for value in (self.fraction, *self.interval))
-        return share, low, high
+        fraction, low, high = (f"{value:.{digits}%}" for value in (self.fraction, *self.interval))
+        return fraction, low, high
 
     def __str__(self) -> str:
-        share, low, high = self.percentages()
-        return f"{self.count} of {self.episodes} episodes ({share}; 95 % interval {low} to {high})"
+        fraction, low, high = self.percentages()
+        return (
+            f"{self.count} of {self.episodes} episodes ({fraction}; 95 % interval {low} to {high})"
+        )
 
 
 @dataclass(frozen=True)
@@ -92,17 +93,18 @@ def assess(
     Args:
         champion: genome and task.
         episodes: number of episodes, at least 1.
-        seed: decides the scenarios.
+        seed: seed of the scenarios.
         engine: as for ``evaluate``.
         workers: as for ``evaluate``; one genome keeps one worker busy.
 
     Raises:
         ScenarioError: ``episodes`` is not a positive integer.
+        SeedError: ``seed`` is not a non-negative integer.
         EngineSettingError: unknown engine.
     """
     settings = champion.task
-    stream = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
-    scenarios = sample_scenarios(settings.task, stream, episodes, settings.grid_size)
+    sequence = seed_sequence(seed, Stream.ASSESSMENT)
+    scenarios = sample_scenarios(settings.task, sequence, episodes, settings.grid_size)
     with make_engine(engine, settings, workers) as running:
         result = running.evaluate(champion.genome, scenarios)
     episode_fitness = result.episode_fitness[0]

@@ -15,6 +15,7 @@ from ncrs.engines.base import AUTO_ENGINE, Evaluation
 from ncrs.engines.evaluate import evaluate
 from ncrs.evolution.archive import NO_CELL, Archive, MeasureSpace
 from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
+from ncrs.runs.seeds import row_numbers, row_sequence
 from ncrs.runs.settings import run_file
 from ncrs_envs.body import Cell, parse_body
 from ncrs_envs.errors import NCRSError
@@ -74,9 +75,8 @@ class Elite:
     @property
     def scenarios(self) -> list[Scenario]:
         """The scenarios in which it earned its fitness."""
-        entropy, *key = self.evaluation_seed
-        stream = np.random.SeedSequence(entropy, spawn_key=key)
-        return self.sampling.draw(self.task.name, stream, self.episodes, self.task.grid_size)
+        sequence = row_sequence(self.evaluation_seed)
+        return self.sampling.draw(self.task.name, sequence, self.episodes, self.task.grid_size)
 
     def evaluate(self, engine: str = AUTO_ENGINE) -> Evaluation:
         """Run it in its scenarios again: on the engine it was found on, to the same fitness."""
@@ -120,8 +120,6 @@ class EliteArchive:
         if not len(row):
             raise EliteError(self._missing(triple, possible=cell != NO_CELL))
         index = int(row[0])
-
-        seed = archive.column("seeds")[index].tolist()
         return Elite(
             measures=triple,
             genome=archive.column("genomes")[index],
@@ -130,7 +128,7 @@ class EliteArchive:
             fitness=float(archive.column("fitness")[index]),
             success=float(archive.column("success")[index]),
             generation=int(archive.column("generations")[index]),
-            evaluation_seed=tuple(number for number in seed if number >= 0),
+            evaluation_seed=row_numbers(archive.column("seeds")[index]),
             episodes=self.episodes,
             sampling=self.sampling,
         )

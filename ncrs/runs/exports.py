@@ -12,6 +12,7 @@ import numpy as np
 from ncrs.evolution.archive import Archive
 from ncrs.runs.checkpoint import write_atomically
 from ncrs.runs.elites import EliteArchive
+from ncrs.runs.seeds import row_numbers
 from ncrs_envs.body import body_to_characters
 from ncrs_envs.errors import NCRSError
 
@@ -38,7 +39,7 @@ def write_csv(elites: EliteArchive, path: Path) -> None:
     columns = [archive.column(name) for name in ("fitness", "success", "standing_still")]
     generations, seeds, bodies = map(archive.column, ("generations", "seeds", "bodies"))
     for index, triple in enumerate(archive.measures.tolist()):
-        seed = [str(number) for number in seeds[index].tolist() if number >= 0]
+        seed = map(str, row_numbers(seeds[index]))
         body = body_to_characters(bodies[index]).replace("\n", "/")
         numbers = [repr(float(column[index])) for column in columns]
         writer.writerow([*triple, *numbers, int(generations[index]), " ".join(seed), body])

@@ -16,13 +16,13 @@ from typing import Any, get_type_hints
 from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
 from ncrs.evolution.optimizers.base import check_settings
 from ncrs.runs.checkpoint import write_json
+from ncrs.runs.seeds import check_seed
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.mirroring import ScenarioSampling, resolve_mirroring
 from ncrs_envs.scenario import NOISE
 from ncrs_envs.tasks import TaskSettings
 
 SETTINGS_FILE = "config.json"
-_LARGEST_SEED = 2**63 - 1  # the archive keeps seeds as int64
 
 
 class ConfigError(NCRSError, ValueError):
@@ -139,6 +139,7 @@ class TrainConfig:
             optimizer = check_settings(self.optimizer.name, self.optimizer.given())
             resolve_engine(self.engine.name)
             check_workers(self.engine.workers)
+            check_seed(self.seed)
         except ValueError as error:
             raise ConfigError(str(error)) from error
         if self.episodes % 2 and sampling.mirroring != "none":
@@ -147,7 +148,6 @@ class TrainConfig:
                 f"{self.episodes!r}; or set mirroring=none."
             )
         least = {
-            "seed": (self.seed, 0),
             "generations": (self.generations, 1),
             "episodes": (self.episodes, 1),
             "success_bonus": (self.success_bonus, 0),
@@ -167,8 +167,6 @@ class TrainConfig:
                 f"{self.optimizer.name} learns from its archive instead, which holds the plain "
                 "fitness. Leave them out, or use another optimizer."
             )
-        if self.seed > _LARGEST_SEED:
-            raise ConfigError(f"seed must be at most {_LARGEST_SEED}, got {self.seed!r}.")
         return self
 
 

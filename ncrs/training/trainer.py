@@ -22,12 +22,13 @@ from ncrs.engines.base import (
 from ncrs.evolution.archive import SEED_LENGTH, AddResult, AddStatus, ArchiveError
 from ncrs.evolution.objective import objective
 from ncrs.evolution.optimizers.base import Fitness, Genomes, OptimizerError, make_optimizer
-from ncrs.evolution.reestimation import reestimate, seed_row
+from ncrs.evolution.reestimation import reestimate
 from ncrs.evolution.standstill import standing_still_fitness
 from ncrs.runs.champion import CHAMPION_FILE, Champion
 from ncrs.runs.checkpoint import CheckpointFolder
 from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, make_archive
 from ncrs.runs.lock import RunError, locked
+from ncrs.runs.seeds import Stream, seed_row, seed_sequence
 from ncrs.runs.settings import (
     ConfigError,
     TrainConfig,
@@ -47,11 +48,6 @@ from ncrs.training.start import start_genome
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 CHECKPOINT_FOLDER = "checkpoints"
-
-# First keys of the streams that a run's seed is split into; assessment has 3, the command line's
-# re-estimation 5.
-_OPTIMIZER_STREAM, _SCENARIO_STREAM, _CHAMPION_STREAM = range(3)
-_REESTIMATION_STREAM = 4
 
 
 @dataclass(frozen=True)
@@ -105,7 +101,7 @@ class Trainer:
             self._optimizer = make_optimizer(
                 config.optimizer.name,
                 self._layout.num_parameters,
-                self._stream(_OPTIMIZER_STREAM),
+                self._stream(Stream.OPTIMIZER),
                 **config.optimizer.given(),
             )
             if config.start_from is not None and config.resume is None:
@@ -117,7 +113,7 @@ class Trainer:
         self._optimizer.attach(self._archive)
         self._champion_scenarios = sample_scenarios(
             self._settings.task,
-            self._stream(_CHAMPION_STREAM),
+            self._stream(Stream.CHAMPION),
             config.champion_episodes,
             self._settings.grid_size,
         )
@@ -132,8 +128,8 @@ class Trainer:
         self._dropped = 0
         self._timer = PhaseTimer()
 
-    def _stream(self, *key: int) -> np.random.SeedSequence:
-        return np.random.SeedSequence(self._config.seed, spawn_key=key)
+    def _stream(self, stream: Stream, *keys: int) -> np.random.SeedSequence:
+        return seed_sequence(self._config.seed, stream, *keys)
 
     def run(self) -> TrainingResult:
         """Train until the last generation, or until SIGINT or SIGTERM; both save."""
@@ -188,9 +184,13 @@ class Trainer:
                 try:
                     if self._is_time_to_reestimate:
                         with self._timer.phase("reestimate"):
-                            stream = self._stream(_REESTIMATION_STREAM, self._generation)
+                            stream = self._stream(Stream.REESTIMATION, self._generation)
                             self._dropped += reestimate(
-                                self._archive, engine, stream, config.episodes, stop, self._sampling
+                                self._archive,
+                                engine,
+                                self._scenarios(stream),
+                                seed_row(stream),
+                                stop,
                             )
                     genomes, evaluation, added = self._evolve(engine, stop)
                 except EvaluationInterrupted:
@@ -269,10 +269,11 @@ class Trainer:
 
     def _scenario_streams(self, population: int) -> list[np.random.SeedSequence]:
         """Streams of the current generation's scenarios: one for all genomes, or one for each."""
-        key = (_SCENARIO_STREAM, self._generation)
         if self._config.common_scenarios:
-            return [self._stream(*key)]
-        return [self._stream(*key, genome) for genome in range(population)]
+            return [self._stream(Stream.SCENARIOS, self._generation)]
+        return [
+            self._stream(Stream.SCENARIOS, self._generation, genome) for genome in range(population)
+        ]
 
     def _scenarios(self, stream: np.random.SeedSequence) -> list[Scenario]:
         settings = self._settings

@@ -10,17 +10,18 @@ import ncrs
 from ncrs.cli import main
 from ncrs.engines.base import make_engine
 from ncrs.evolution.archive import MeasureSpace
-from ncrs.evolution.reestimation import reestimate, seed_row
+from ncrs.evolution.reestimation import reestimate
 from ncrs.evolution.standstill import standing_still_fitness
 from ncrs.runs.checkpoint import CheckpointError, write_state
 from ncrs.runs.elites import EliteArchive, EliteError, load_archive, make_archive, measure_space
 from ncrs.runs.exports import to_pyribs, write_csv
+from ncrs.runs.seeds import Stream, seed_row, seed_sequence
 from ncrs.runs.settings import ConfigError
 from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import TASKS, TaskSettings
 
 EPISODES = 4
-STREAM = np.random.SeedSequence(11, spawn_key=(1, 5))
+STREAM = seed_sequence(11, Stream.SCENARIOS, 5)
 
 
 @pytest.fixture(scope="module")
@@ -166,10 +167,10 @@ def test_standing_still_is_what_the_engine_gives_a_robot_without_gas(task):
 def test_new_estimates_come_from_the_fresh_scenarios(found):
     elites, _, _ = found
     copy = type(elites.archive).from_state(elites.archive.state())
-    stream = np.random.SeedSequence(77, spawn_key=(4, 9))
+    stream = seed_sequence(77, Stream.REESTIMATION, 9)
+    scenarios = sample_scenarios("light_chase", stream, 3)
     with make_engine("box2d", TaskSettings(), 1) as engine:
-        reestimate(copy, engine, stream, 3)
-        scenarios = sample_scenarios("light_chase", stream, 3)
+        assert reestimate(copy, engine, scenarios, seed_row(stream)) == 0
         expected = engine.evaluate(elites.archive.column("genomes"), scenarios)
     np.testing.assert_array_equal(copy.cells, elites.archive.cells)
     np.testing.assert_array_equal(copy.column("fitness"), expected.fitness)
@@ -250,3 +251,9 @@ def test_the_archive_command_on_nothing(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["archive", str(tmp_path)])
     assert "does not exist" in capsys.readouterr().err
+
+
+def test_the_archive_command_refuses_a_negative_seed(saved, capsys):
+    with pytest.raises(SystemExit):
+        main(["archive", str(saved), "--reestimate", "--seed", "-1"])
+    assert "seed must be an integer from 0" in capsys.readouterr().err

@@ -42,7 +42,7 @@ def test_round_trip_through_the_run_folder(tmp_path):
         ({"optimizer": {"step_size": "fixed"}}, "csa"),
         ({"engine": {"name": "bullet"}}, "box2d"),
         ({"engine": {"workers": 0}}, "workers"),
-        ({"seed": -1}, "seed must be at least 0"),
+        ({"seed": -1}, "seed must be an integer from 0 to 9223372036854775807, got -1"),
         ({"generations": 0}, "generations must be at least 1"),
         ({"mirroring": "up_down"}, "front_back"),
         ({"optimizer": {"sigma_decay": 0.9}}, "no schedule"),

@@ -48,12 +48,7 @@ class EmitterOptimizer(QDOptimizer):
                 raise OptimizerError(f"{name} must be at least 1, got {value!r}.")
         self._patience = int(patience)
         self._emitters = [
-            CMAES(
-                dimension,
-                np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index)),
-                **settings,
-            )
-            for index in range(emitters)
+            CMAES(dimension, child, **settings) for child in seed.spawn(int(emitters))
         ]
         # Each emitter's state since its last turn, taken then, so that a checkpoint has not to
         # copy all of them in one generation.

@@ -1,0 +1,99 @@
+"""Random streams: one seed is split into a stream for each purpose.
+
+What one stream draws never depends on how much another has drawn, on the engine, or on the number
+of workers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.evolution.archive import SEED_LENGTH
+from ncrs_envs.errors import NCRSError
+
+MAX_SEED = 2**63 - 1
+"""Archives keep seeds as int64."""
+_FILL = -1
+
+
+class SeedError(NCRSError, ValueError):
+    """A seed that is out of range, or numbers that name no stream."""
+
+
+class Stream(IntEnum):
+    """First key of every stream. Archives hold these numbers: none may change its purpose."""
+
+    OPTIMIZER = 0
+    """All that the optimizer draws."""
+    SCENARIOS = 1
+    """A generation's scenarios. Further keys: the generation, and the genome's index where each
+    genome has its own."""
+    CHAMPION = 2
+    """Scenarios that a run's candidates for champion are compared on."""
+    ASSESSMENT = 3
+    """Fresh episodes that a robot is tested on."""
+    REESTIMATION = 4
+    """Scenarios that a run estimates its elites on again. Further key: the generation."""
+    COMMAND_REESTIMATION = 5
+    """The same for ``ncrs archive --reestimate``."""
+    REPORT = 6
+    """Episodes of a report."""
+
+
+def check_seed(seed: Any) -> int:
+    """Return the seed if it is an integer in range, else raise ``SeedError``."""
+    is_integer = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+    if not is_integer or not 0 <= seed <= MAX_SEED:
+        raise SeedError(f"seed must be an integer from 0 to {MAX_SEED}, got {seed!r}.")
+    return int(seed)
+
+
+def seed_sequence(seed: int, stream: Stream, *keys: int) -> np.random.SeedSequence:
+    """One stream of a seed.
+
+    Args:
+        seed: the run's, or the command's.
+        stream: its purpose.
+        keys: tell streams of one purpose apart, see ``Stream``.
+
+    Raises:
+        SeedError: the seed is no integer from 0 to ``MAX_SEED``.
+    """
+    return np.random.SeedSequence(check_seed(seed), spawn_key=(int(stream), *keys))
+
+
+def seed_row(sequence: np.random.SeedSequence) -> NDArray[np.int64]:
+    """A stream as archives keep it: seed and keys, filled up with -1, int64 ``(4,)``.
+
+    Raises:
+        SeedError: its entropy is no seed, or it has more than three keys.
+    """
+    numbers = [check_seed(sequence.entropy), *sequence.spawn_key]
+    if len(numbers) > SEED_LENGTH:
+        raise SeedError(
+            f"An archive keeps a seed and at most {SEED_LENGTH - 1} keys, got {numbers}."
+        )
+    return np.array(numbers + [_FILL] * (SEED_LENGTH - len(numbers)), dtype=np.int64)
+
+
+def row_numbers(row: Iterable[int]) -> tuple[int, ...]:
+    """Seed and keys of a row, without what fills it up."""
+    return tuple(int(number) for number in row if number != _FILL)
+
+
+def row_sequence(row: Iterable[int]) -> np.random.SeedSequence:
+    """The stream that gave a row; inverse of ``seed_row``.
+
+    Raises:
+        SeedError: the row names no stream.
+    """
+    numbers = row_numbers(row)
+    if not numbers or min(numbers) < 0:
+        raise SeedError(f"Expected a seed and keys, none of them negative, got {numbers}.")
+    seed, *keys = numbers
+    return np.random.SeedSequence(check_seed(seed), spawn_key=keys)
