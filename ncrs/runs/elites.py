@@ -176,10 +176,7 @@ def load_archive(path: str | Path) -> EliteArchive:
             task,
             Archive.from_state(state["archive"]),
             int(state["episodes"]),
-            # Older archives name the mirroring alone, or have none.
-            ScenarioSampling(
-                **state.get("sampling", {"mirroring": state.get("mirroring", "none")})
-            ).check(),
+            ScenarioSampling(**state["sampling"]).check(),
         )
         expected = make_archive(task)
     except (TypeError, KeyError, ValueError) as error:

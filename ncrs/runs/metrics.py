@@ -74,7 +74,9 @@ def read_metrics(run_dir: Path) -> dict[str, NDArray[np.float64]]:
     path = run_dir / METRICS_FILE
     names, rows = _rows(path)
     if not rows or names[0] != GENERATION:
-        raise ConfigError(f"{path} holds no generation: the run has not finished one, or is older.")
+        raise ConfigError(
+            f"{path} holds no generation: the run has not finished one; let it train for longer."
+        )
     try:
         table = np.array([[float(value or "nan") for value in row] for row in rows])
     except ValueError as error:
