@@ -20,7 +20,7 @@ def main(composed: DictConfig) -> float:
     except NCRSError as error:
         sys.exit(f"train.py: {error}")
     if result.stopped_by is not None:
-        print("\n".join(stopped_lines(result)))
+        print("\n".join(stopped_lines(result, result.stopped_by)))
         sys.exit(exit_code(result.stopped_by))
     print("\n".join(finished_lines(result, config)))
     return 0.0 if result.champion is None else result.champion.fitness

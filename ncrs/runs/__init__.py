@@ -4,5 +4,5 @@
 - ``checkpoint``: atomic files; ``metrics``: the curves as a table.
 - ``champion``, ``elites``, ``published``: robots, from a run or from the package.
 - ``assessment`` and ``statistics``: tests on fresh episodes (section 6).
-- ``exports``: CSV and pyribs.
+- ``exports``: CSV and pyribs; ``text``: numbers as people read them.
 """

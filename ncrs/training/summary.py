@@ -1,4 +1,4 @@
-"""What a run tells people when it ends."""
+"""End-of-run summary."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ import signal
 from ncrs.runs.assessment import EPISODES, REFERENCE_ENGINE, assess
 from ncrs.runs.settings import TrainConfig
 from ncrs.runs.text import duration_text
-from ncrs.training.trainer import TrainingResult
+from ncrs.training.state import TrainingResult
 from ncrs_envs.body import body_measures, body_to_characters
 
 
 def _effort(result: TrainingResult) -> str:
+    state = result.state
     return (
-        f"{result.generation} generations, {result.evaluations:,} evaluations, "
-        f"{result.env_steps:,} environment steps in {duration_text(result.seconds)}"
+        f"{state.generation} generations, {state.evaluations:,} evaluations, "
+        f"{state.env_steps:,} environment steps in {duration_text(state.seconds)}"
     )
 
 
@@ -23,17 +24,16 @@ def exit_code(stopped_by: signal.Signals) -> int:
     return 128 + stopped_by
 
 
-def stopped_lines(result: TrainingResult) -> list[str]:
-    """For a run that a signal ended."""
-    assert result.stopped_by is not None
+def stopped_lines(result: TrainingResult, stopped_by: signal.Signals) -> list[str]:
+    """Summary of a run that a signal ended."""
     return [
-        f"Stopped by {result.stopped_by.name} after {_effort(result)}. All is saved; go on with:",
+        f"Stopped by {stopped_by.name} after {_effort(result)}. All is saved; continue with:",
         f"  python train.py resume={result.run_dir}",
     ]
 
 
 def finished_lines(result: TrainingResult, config: TrainConfig) -> list[str]:
-    """For a run that finished: what it found, where it is, and what to try next."""
+    """Summary of a run that finished: the champion, the folder, and what to try next."""
     lines = [f"Finished {_effort(result)}.", ""]
     champion = result.champion
     if champion is None:

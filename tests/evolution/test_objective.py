@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 
 from ncrs import evaluate
-from ncrs.evolution.objective import objective
+from ncrs.evolution.objective import Objective
 from ncrs_envs import Scenario
 from ncrs_envs.tasks import TaskSettings
 
@@ -15,13 +15,13 @@ def test_bonuses_for_success_and_for_coming_near(full_genome, genomes):
     result = evaluate(weights, "light_chase", scenarios=[near, far])
     np.testing.assert_array_equal(result.success, [[True, False], [False, False]])
     settings = TaskSettings("light_chase")
-    np.testing.assert_array_equal(objective(result, settings), result.fitness)
+    np.testing.assert_array_equal(Objective(settings)(result), result.fitness)
     np.testing.assert_allclose(
-        objective(result, settings, success_bonus=0.5) - result.fitness, [0.25, 0.0]
+        Objective(settings, success_bonus=0.5)(result) - result.fitness, [0.25, 0.0]
     )
     scores = np.exp(-result.closest[0, :, 0] / 60.0)
     np.testing.assert_allclose(
-        objective(result, settings, approach_bonus=2.0) - result.fitness, [scores.sum(), 0.0]
+        Objective(settings, approach_bonus=2.0)(result) - result.fitness, [scores.sum(), 0.0]
     )
 
 
@@ -30,5 +30,5 @@ def test_coming_near_counts_for_ball_and_target_alike():
     result = dataclasses.replace(
         evaluate(np.zeros((1, 4873)), "carry_ball", episodes=1), closest=np.array([[[30.0, 60.0]]])
     )
-    bonus = objective(result, settings, approach_bonus=1.0) - result.fitness
+    bonus = Objective(settings, approach_bonus=1.0)(result) - result.fitness
     np.testing.assert_allclose(bonus, (np.exp(-0.5) + np.exp(-1.0)) / 2)

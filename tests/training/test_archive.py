@@ -12,12 +12,14 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from ncrs import evaluate
 from ncrs.automaton.channels import nca_layout
 from ncrs.engines.base import Engine
+from ncrs.evolution.archive import AddResult
 from ncrs.runs.champion import load_champion_file
 from ncrs.runs.checkpoint import CheckpointFolder
 from ncrs.runs.elites import load_archive
 from ncrs.runs.lock import RunError
 from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig, save_config
-from ncrs.training import trainer as training
+from ncrs.training import search
+from ncrs.training.generation import Generation
 from ncrs.training.trainer import Trainer, train
 from ncrs_envs.mirroring import ScenarioSampling
 
@@ -52,7 +54,7 @@ def config(name="map_elites", **changes):
 
 def final_state(run_dir):
     state = CheckpointFolder(Path(run_dir) / "checkpoints").load()
-    del state["seconds"]
+    del state["run"]["seconds"]
     return state
 
 
@@ -130,7 +132,7 @@ def test_a_run_killed_where_it_hurts_ends_bit_equal(undisturbed, tmp_path, name,
         cwd=ROOT, capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert done.returncode == -9, done.stderr
-    assert 2 <= final_state(tmp_path)["generation"] < GENERATIONS
+    assert 2 <= final_state(tmp_path)["run"]["generation"] < GENERATIONS
     train(config(name, resume=str(tmp_path)), tmp_path)
     np.testing.assert_equal(final_state(tmp_path), final_state(undisturbed(name)))
     for file in ("archive.npz", "champion.npz"):
@@ -140,7 +142,7 @@ def test_a_run_killed_where_it_hurts_ends_bit_equal(undisturbed, tmp_path, name,
 def test_the_archive_is_filed_with_the_run(undisturbed):
     run_dir = undisturbed("map_elites")
     elites = load_archive(run_dir)
-    np.testing.assert_equal(elites.archive.state(), final_state(run_dir)["archive"])
+    np.testing.assert_equal(elites.archive.state(), final_state(run_dir)["search"]["archive"])
     assert len(elites.archive) > 3
     # Re-estimated at the start of generation 5, or found since on their generation's scenarios.
     seeds, generations = elites.archive.column("seeds"), elites.archive.column("generations")
@@ -189,9 +191,11 @@ def test_the_best_elite_is_a_candidate(tmp_path):
     archive = load_archive(tmp_path).archive
     genomes = archive.column("genomes")[:3].astype(np.float64)
     evaluation = evaluate(genomes, "light_chase", episodes=2, engine="batched")
-    sample, elite = trainer._candidates(genomes, evaluation)
-    np.testing.assert_array_equal(sample, genomes[evaluation.fitness.argmax()])
-    np.testing.assert_array_equal(elite, archive.best_genome())
+    added = AddResult(np.zeros(3, int), np.zeros(3, np.int8), np.zeros(3))
+    candidates = trainer._search.candidates(Generation(4, genomes, evaluation, added))
+    assert list(candidates) == ["sample", "elite"]
+    np.testing.assert_array_equal(candidates["sample"], genomes[evaluation.fitness.argmax()])
+    np.testing.assert_array_equal(candidates["elite"], archive.best_genome())
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -213,14 +217,14 @@ def test_fitness_without_meaning_stops_the_run_and_saves(tmp_path, monkeypatch, 
     settings = config(optimizer=optimizer, generations=4, champion_every=4)
     with pytest.raises(RunError, match=r"Generation 2.*(infinite|NaN)"):
         train(settings, tmp_path)
-    assert final_state(tmp_path)["generation"] == 2
+    assert final_state(tmp_path)["run"]["generation"] == 2
     assert np.isfinite(load_archive(tmp_path).archive.column("fitness")).all()
     result = train(dataclasses.replace(settings, resume=str(tmp_path)), tmp_path)
-    assert result.generation == 4
+    assert result.state.generation == 4
 
 
 def test_elites_whose_estimate_is_nan_are_dropped_and_counted(tmp_path, monkeypatch):
-    real = training.reestimate
+    real = search.reestimate
 
     def broken(archive, engine, *arguments):
         def evaluate_as_nan(genomes, *others):
@@ -233,10 +237,10 @@ def test_elites_whose_estimate_is_nan_are_dropped_and_counted(tmp_path, monkeypa
 
     train(config(generations=5), tmp_path / "before")
     before = len(load_archive(tmp_path / "before").archive)
-    monkeypatch.setattr(training, "reestimate", broken)
+    monkeypatch.setattr(search, "reestimate", broken)
     train(config(generations=7), tmp_path / "after")
     assert before > 0
-    assert final_state(tmp_path / "after")["dropped"] == before
+    assert final_state(tmp_path / "after")["run"]["dropped"] == before
     assert len(load_archive(tmp_path / "after").archive) > 0  # and it fills up again
 
 

@@ -46,8 +46,7 @@ def test_a_search_starts_from_a_champion(name, seed_file, tmp_path, full_genome)
     # A coordinate of the search moves by a few sigma.
     assert 0.0 < np.abs(found - full_genome).max() < 1e-4
     state = CheckpointFolder(run / "checkpoints").load()
-    optimizer_state = state["optimizer"]
-    assert optimizer_state["restarts"] == 0
+    assert state["search"]["optimizer"]["restarts"] == 0
 
 
 def test_a_start_that_does_not_fit_is_refused(seed_file, tmp_path):
@@ -78,22 +77,19 @@ def test_the_optimizer_is_told_the_bonus_and_the_archive_the_fitness(
     # The closest score of a robot is at least its mean score.
     assert (told[0] >= 4 * 0.3).all()
     state = CheckpointFolder(tmp_path / "run" / "checkpoints").load()
-    assert state["champion_objective"] >= 4 * champion.fitness
-    assert state["best_fitness"] < 0.6
+    assert state["selection"]["objective"] >= 4 * champion.fitness
+    assert state["run"]["best_fitness"] < 0.6
 
 
 def test_resuming_goes_on_from_the_state_and_not_from_the_start(seed_file, tmp_path):
-    """Also from a checkpoint of before there was an objective, whose objective was the fitness."""
     settings = config(start_from=str(seed_file))
     train(settings, tmp_path / "run")
     before = load_champion_file(tmp_path / "run")
     seed_file.unlink()
     folder = CheckpointFolder(tmp_path / "run" / "checkpoints")
     state = folder.load()
-    assert state["champion_objective"] == before.fitness
-    del state["champion_objective"]
-    folder.save(2, state)
+    assert state["selection"]["objective"] == before.fitness
     longer = dataclasses.replace(settings, generations=3, resume=str(tmp_path / "run"))
     train(longer, tmp_path / "run")
     assert load_champion_file(tmp_path / "run").fitness >= before.fitness
-    assert folder.load()["generation"] == 3
+    assert folder.load()["run"]["generation"] == 3

@@ -19,7 +19,7 @@ from ncrs.runs.checkpoint import CheckpointError, CheckpointFolder
 from ncrs.runs.lock import RunError
 from ncrs.runs.metrics import MetricsFile
 from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig
-from ncrs.training import logs
+from ncrs.training import versions
 from ncrs.training.trainer import train
 from ncrs_envs.tasks import TaskSettings
 
@@ -53,7 +53,7 @@ COMMAND = [
 
 def final_state(run_dir):
     state = CheckpointFolder(Path(run_dir) / "checkpoints").load()
-    del state["seconds"]
+    del state["run"]["seconds"]
     return state
 
 
@@ -85,9 +85,9 @@ def scalars(run_dir):
 
 def test_a_run_finishes_and_reports(undisturbed):
     run_dir, result = undisturbed
-    assert result.generation == GENERATIONS
+    assert result.state.generation == GENERATIONS
     assert result.stopped_by is None
-    assert result.evaluations == 16 * GENERATIONS
+    assert result.state.evaluations == 16 * GENERATIONS
     assert result.champion is not None
     champion = load_champion_file(run_dir)
     np.testing.assert_array_equal(champion.genome, result.champion.genome)
@@ -115,8 +115,8 @@ def test_the_seed_decides_the_run_and_workers_do_not(undisturbed, tmp_path):
     assert_same(final_state(undisturbed[0]), final_state(tmp_path / "same"))
     train(config(seed=2, generations=1), tmp_path / "other")
     assert (
-        final_state(tmp_path / "other")["best_fitness"]
-        != final_state(undisturbed[0])["best_fitness"]
+        final_state(tmp_path / "other")["run"]["best_fitness"]
+        != final_state(undisturbed[0])["run"]["best_fitness"]
     )
 
 
@@ -177,7 +177,7 @@ def test_a_polite_stop_saves_says_so_and_goes_on_exactly(undisturbed, tmp_path, 
     assert f"resume={run_dir}" in output
     assert "Traceback" not in output
     result = train(config(resume=str(run_dir)), run_dir)
-    assert result.generation == GENERATIONS
+    assert result.state.generation == GENERATIONS
     assert_same(final_state(undisturbed[0]), final_state(run_dir))
 
 
@@ -210,7 +210,7 @@ def test_genomes_that_are_not_finite_stop_the_run_and_save(tmp_path):
     optimizer = OptimizerConfig(sigma=1e39, population=4, told_popsize=True)  # beyond float32
     with pytest.raises(RunError, match=r"Generation 0 cannot be completed.*finite.*saved in"):
         train(config(optimizer=optimizer), tmp_path)
-    assert final_state(tmp_path)["generation"] == 0
+    assert final_state(tmp_path)["run"]["generation"] == 0
 
 
 def test_other_settings_are_refused_on_resuming_with_both_values(undisturbed):
@@ -229,11 +229,11 @@ def test_other_settings_are_refused_on_resuming_with_both_values(undisturbed):
 
 def test_going_on_with_other_versions_is_warned_of(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr(logs, "version", lambda name: "0.1")
+        patch.setattr(versions, "version", lambda name: "0.1")
         patch.setattr("Box2D.__version__", "0.2")
         train(config(generations=1), tmp_path)
     expected = r"saved with torch 0\.1 \(now .*numba 0\.1.*cma 0\.1.*Box2D 0\.2"
-    with pytest.warns(logs.VersionWarning, match=expected):
+    with pytest.warns(versions.VersionWarning, match=expected):
         train(config(resume=str(tmp_path), generations=2), tmp_path)
 
 
@@ -247,15 +247,15 @@ def test_two_runs_cannot_write_to_one_folder(undisturbed, tmp_path):
 def test_scenarios_per_genome(tmp_path):
     common = train(config(generations=4), tmp_path / "common")
     own = train(config(generations=4, common_scenarios=False), tmp_path / "own")
-    assert own.evaluations == common.evaluations
-    assert own.best_fitness != common.best_fitness
+    assert own.state.evaluations == common.state.evaluations
+    assert own.state.best_fitness != common.state.best_fitness
 
 
 def test_a_population_that_is_all_invalid_is_no_error(tmp_path):
     optimizer = OptimizerConfig(sigma=1e-6, population=4)
     result = train(config(optimizer=optimizer, generations=2), tmp_path)
     assert result.champion is None
-    assert result.best_fitness <= 0.02
+    assert result.state.best_fitness <= 0.02
     assert not (tmp_path / "champion.npz").exists()
 
 

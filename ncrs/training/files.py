@@ -1,0 +1,103 @@
+"""The files that a run can be resumed from, or looked at: checkpoints, champion, archive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from ncrs.runs.champion import CHAMPION_FILE
+from ncrs.runs.checkpoint import CheckpointFolder
+from ncrs.runs.elites import ARCHIVE_FILE
+from ncrs.runs.settings import TrainConfig, check_same_settings, lasting_settings
+from ncrs.training.search import Search
+from ncrs.training.selection import ChampionSelection
+from ncrs.training.state import RunState
+from ncrs.training.versions import versions, warn_of_other_versions
+
+CHECKPOINT_FOLDER = "checkpoints"
+
+
+class RunFiles:
+    """Saves and loads all that a run's future depends on.
+
+    Args:
+        config: the run's settings.
+        run_dir: the run's folder.
+        search: saved as it is, and loaded into.
+        selection: the same.
+    """
+
+    def __init__(
+        self, config: TrainConfig, run_dir: Path, search: Search, selection: ChampionSelection
+    ) -> None:
+        self._config = config
+        self._run_dir = run_dir
+        self._search = search
+        self._selection = selection
+        self._checkpoints = CheckpointFolder(run_dir / CHECKPOINT_FOLDER)
+        self._saved_at = perf_counter()
+
+    @property
+    def exist(self) -> bool:
+        """Whether the folder holds a run."""
+        return bool(self._checkpoints.paths())
+
+    @property
+    def are_due(self) -> bool:
+        """Whether the last save is long enough ago."""
+        is_time = perf_counter() - self._saved_at >= self._config.checkpoint_seconds
+        # One that is still being written is not waited for: the next comes later instead.
+        return is_time and not self._checkpoints.is_writing
+
+    def save(self, state: RunState) -> None:
+        """Write all files.
+
+        Args:
+            state: the time since the last save is added to its seconds.
+
+        Raises:
+            CheckpointError: a file, or the checkpoint before this one, could not be written.
+        """
+        now = perf_counter()
+        state.seconds += now - self._saved_at
+        self._saved_at = now
+        # The checkpoint in the background: at full covariance it is large.
+        self._checkpoints.save_in_background(state.generation, self._checkpoint(state))
+        if self._selection.champion is not None:
+            self._selection.champion.save(self._run_dir / CHAMPION_FILE)
+        self._search.elites.save(self._run_dir / ARCHIVE_FILE)
+
+    def load(self) -> RunState:
+        """Read the newest checkpoint; warn if other versions wrote it.
+
+        Raises:
+            ConfigError: it is of a run with other settings.
+            CheckpointError: there is none, or none that is whole.
+        """
+        checkpoint = self._checkpoints.load()
+        warn_of_other_versions(checkpoint["versions"])
+        check_same_settings(checkpoint["settings"], self._own_settings())
+        self._search.load_state(checkpoint["search"])
+        self._selection.load_state(checkpoint["selection"])
+        return RunState.from_state(checkpoint["run"])
+
+    def wait(self) -> None:
+        """Return when nothing is being written; raise what the last save raised."""
+        self._checkpoints.wait()
+
+    def _checkpoint(self, state: RunState) -> dict[str, Any]:
+        return {
+            "run": state.state(),
+            "search": self._search.state(),
+            "selection": self._selection.state(),
+            "settings": self._own_settings(),
+            "versions": versions(),
+        }
+
+    def _own_settings(self) -> dict[str, Any]:
+        """Settings that must not change on resuming. The optimizer's are part of its own state, and
+        the start of the search is past."""
+        settings = lasting_settings(self._config)
+        del settings["optimizer"], settings["start_from"]
+        return settings

@@ -1,0 +1,49 @@
+"""One generation: its record and its curves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncrs.engines.base import Evaluation
+from ncrs.evolution.archive import AddResult, AddStatus
+from ncrs.evolution.optimizers.base import Genomes
+
+
+@dataclass(frozen=True)
+class Generation:
+    """P genomes with their results."""
+
+    index: int
+    """Counted from 0."""
+    genomes: Genomes
+    """As evaluated, ``(P, N)``."""
+    evaluation: Evaluation
+    added: AddResult
+    """What adding them to the archive did."""
+
+    def metrics(self, seconds: float) -> dict[str, float]:
+        """Values of its curves; NaN fitness is counted, not averaged.
+
+        Args:
+            seconds: duration of the generation.
+        """
+        evaluation = self.evaluation
+        fitness = evaluation.fitness[np.isfinite(evaluation.fitness)]
+        best = int(np.nanargmax(evaluation.fitness))
+        return {
+            "fitness/best": float(fitness.max()),
+            "fitness/mean": float(fitness.mean()),
+            "fitness/median": float(np.median(fitness)),
+            "fitness/std": float(fitness.std()),
+            "fitness/nan": float(len(evaluation.fitness) - len(fitness)),
+            "success/best": float(evaluation.success[best].mean()),
+            "success/mean": float(evaluation.success.mean()),
+            "bodies/valid": float(evaluation.valid.mean()),
+            "bodies/cells_of_best": float(max(evaluation.measures[best, 2], 0)),
+            "archive/new": float((self.added.status == AddStatus.NEW).sum()),
+            "archive/improved": float((self.added.status == AddStatus.IMPROVED).sum()),
+            "speed/evaluations_per_s": len(evaluation.fitness) / seconds,
+            "speed/env_steps_per_s": evaluation.env_steps / seconds,
+        }

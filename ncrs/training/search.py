@@ -1,0 +1,164 @@
+"""What evolves: an optimizer, the archive that it fills, and the scenarios of each generation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.automaton.channels import nca_layout
+from ncrs.engines.base import Engine, Evaluation, StopCheck
+from ncrs.evolution.archive import AddResult, ArchiveError
+from ncrs.evolution.objective import Objective
+from ncrs.evolution.optimizers.base import Genomes, Optimizer, OptimizerError, make_optimizer
+from ncrs.evolution.reestimation import reestimate
+from ncrs.evolution.standstill import standing_still_fitness
+from ncrs.runs.elites import EliteArchive, make_archive
+from ncrs.runs.seeds import Stream, seed_row, seed_sequence
+from ncrs.runs.settings import ConfigError, TrainConfig
+from ncrs.training.generation import Generation
+from ncrs.training.start import start_genome
+from ncrs_envs.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class DrawnScenarios:
+    """Scenarios of a generation: one row for all genomes, or one for each."""
+
+    rows: Sequence[Sequence[Scenario]]
+    seeds: NDArray[np.int64]
+    """Row of ``ncrs.runs.seeds`` for each row, ``(1 or P, 4)``."""
+
+
+class Search:
+    """The steps of a generation: ask, draw scenarios, add, tell.
+
+    Args:
+        config: checked settings.
+
+    Raises:
+        ConfigError: a setting that the optimizer refuses at this size; or a ``start_from`` that is
+            missing or does not fit.
+        ChampionError: there are no champions to start from: the installation is not whole.
+        CheckpointError: the file to start from is damaged.
+    """
+
+    def __init__(self, config: TrainConfig) -> None:
+        self._config = config
+        self._layout = nca_layout(config.task.task)
+        self._sampling = config.sampling()
+        self.objective = Objective(config.task, config.success_bonus, config.approach_bonus)
+        self.archive = make_archive(config.task)
+        try:
+            self._optimizer = self._new_optimizer()
+        except OptimizerError as error:
+            raise ConfigError(str(error)) from error
+        self._optimizer.attach(self.archive)
+
+    def _new_optimizer(self) -> Optimizer:
+        config = self._config
+        optimizer = make_optimizer(
+            config.optimizer.name,
+            self._layout.num_parameters,
+            seed_sequence(config.seed, Stream.OPTIMIZER),
+            **config.optimizer.given(),
+        )
+        if config.start_from is not None and config.resume is None:
+            start = start_genome(config.start_from, self._layout, config.symmetric)
+            optimizer.start_from(start)
+        return optimizer
+
+    def ask(self) -> Genomes:
+        """The next population, ``(P, N)``."""
+        return self._searched(self._optimizer.ask())
+
+    def draw(self, generation: int, population: int) -> DrawnScenarios:
+        """The scenarios of a generation of that many genomes."""
+        keys: list[tuple[int, ...]] = [(generation,)]
+        if not self._config.common_scenarios:
+            keys = [(generation, genome) for genome in range(population)]
+        drawn = [self._draw(Stream.SCENARIOS, *key) for key in keys]
+        return DrawnScenarios([row for row, _ in drawn], np.stack([seeds for _, seeds in drawn]))
+
+    def add(
+        self, genomes: Genomes, evaluation: Evaluation, scenarios: DrawnScenarios, generation: int
+    ) -> AddResult:
+        """Offer the population to the archive.
+
+        Raises:
+            ArchiveError: infinite fitness; nothing was added.
+        """
+        return self.archive.add(
+            genomes,
+            evaluation.fitness,
+            evaluation.measures,
+            evaluation.bodies,
+            success=evaluation.success.mean(axis=1),
+            standing_still=standing_still_fitness(self._config.task, scenarios.rows),
+            generation=generation,
+            seeds=scenarios.seeds,
+        )
+
+    def tell(self, evaluation: Evaluation, added: AddResult) -> None:
+        """Let the optimizer learn from the population.
+
+        Raises:
+            OptimizerError: values that nothing can be learned from.
+        """
+        self._optimizer.tell(self.objective(evaluation), added)
+
+    def reestimate(self, engine: Engine, generation: int, should_stop: StopCheck) -> int:
+        """Estimate all elites on fresh scenarios; returns how many were dropped for NaN."""
+        scenarios, seeds = self._draw(Stream.REESTIMATION, generation)
+        return reestimate(self.archive, engine, scenarios, seeds, should_stop)
+
+    def candidates(self, generation: Generation) -> dict[str, NDArray[np.float64]]:
+        """Candidates for champion by source: the generation's best genome, and the search's mean or
+        the archive's best elite, which are often better than a lucky draw."""
+        best = int(np.nanargmax(self.objective(generation.evaluation)))
+        return {
+            "sample": generation.genomes[best],
+            self._optimizer.candidate_source: self._searched(self._optimizer.mean[None])[0],
+        }
+
+    def metrics(self) -> dict[str, float]:
+        """Values of the optimizer's and the archive's curves."""
+        return {
+            **{f"optimizer/{key}": value for key, value in self._optimizer.metrics().items()},
+            **{f"archive/{key}": value for key, value in self.archive.statistics().items()},
+        }
+
+    @property
+    def elites(self) -> EliteArchive:
+        """The archive as it is filed."""
+        config = self._config
+        return EliteArchive(config.task, self.archive, config.episodes, self._sampling)
+
+    def state(self) -> dict[str, Any]:
+        """Arrays and JSON values, for checkpoints."""
+        return {"optimizer": self._optimizer.state(), "archive": self.archive.state()}
+
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Continue from a ``state``.
+
+        Raises:
+            ConfigError: it is the state of another search.
+        """
+        try:
+            self._optimizer.load_state(state["optimizer"])
+            self.archive.load_state(state["archive"])
+        except (OptimizerError, ArchiveError) as error:
+            raise ConfigError(str(error)) from error
+
+    def _draw(self, stream: Stream, *keys: int) -> tuple[list[Scenario], NDArray[np.int64]]:
+        config, task = self._config, self._config.task
+        sequence = seed_sequence(config.seed, stream, *keys)
+        scenarios = self._sampling.draw(task.task, sequence, config.episodes, task.grid_size)
+        return scenarios, seed_row(sequence)
+
+    def _searched(self, genomes: Genomes) -> Genomes:
+        """Project onto symmetric genomes, where the search is among those."""
+        return self._layout.symmetric(genomes) if self._config.symmetric else genomes

@@ -1,0 +1,78 @@
+"""The choice of a run's champion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.engines.base import Engine
+from ncrs.evolution.objective import Objective
+from ncrs.runs.champion import Champion
+from ncrs.runs.seeds import Stream, seed_sequence
+from ncrs.runs.settings import TrainConfig
+from ncrs_envs.scenario import sample_scenarios
+
+
+class ChampionSelection:
+    """Keeps the best of all candidates, on the same scenarios for the whole run.
+
+    Args:
+        config: the run's settings.
+        objective: the value that candidates are compared by.
+    """
+
+    def __init__(self, config: TrainConfig, objective: Objective) -> None:
+        self._task = config.task
+        self._objective = objective
+        self._scenarios = sample_scenarios(
+            config.task.task,
+            seed_sequence(config.seed, Stream.CHAMPION),
+            config.champion_episodes,
+            config.task.grid_size,
+        )
+        self._best = -np.inf
+        self.champion: Champion | None = None
+        """The best so far; None before a candidate had a body that the task can use."""
+
+    def crown(
+        self, candidates: Mapping[str, NDArray[np.float64]], engine: Engine, generation: int
+    ) -> None:
+        """Evaluate candidates; one that beats the champion takes its place.
+
+        Args:
+            candidates: genomes ``(N,)`` by source, see ``Champion.source``.
+            engine: an engine for the run's task.
+            generation: index of the generation that they come from.
+        """
+        genomes = np.stack(list(candidates.values()))
+        result = engine.evaluate(genomes, self._scenarios)
+        values = self._objective(result)
+        for index, source in enumerate(candidates):
+            value = float(values[index])
+            beaten = value <= self._best
+            if not result.valid[index] or not np.isfinite(value) or beaten:
+                continue
+            self._best = value
+            self.champion = Champion(
+                genome=genomes[index].astype(np.float32),
+                body=result.bodies[index],
+                task=self._task,
+                fitness=float(result.fitness[index]),
+                success=float(result.success[index].mean()),
+                generation=generation,
+                source=source,
+            )
+
+    def state(self) -> dict[str, Any]:
+        """Arrays and JSON values, for checkpoints."""
+        champion = None if self.champion is None else self.champion.state()
+        return {"objective": float(self._best), "champion": champion}
+
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Continue from a ``state``."""
+        self._best = state["objective"]
+        champion = state["champion"]
+        self.champion = None if champion is None else Champion.from_state(champion)
