@@ -33,7 +33,7 @@ class ArchiveError(NCRSError, ValueError):
 
 
 class AddStatus(IntEnum):
-    """What adding a genome did."""
+    """The effect of adding a genome."""
 
     NONE = 0
     IMPROVED = 1
@@ -42,7 +42,7 @@ class AddStatus(IntEnum):
 
 @dataclass(frozen=True)
 class AddResult:
-    """What adding P genomes did, one after the other."""
+    """The effect of adding P genomes, one after the other."""
 
     cells: NDArray[np.int64]
     """Cell of each genome, ``(P,)``; -1 without one: an invalid body, or NaN fitness."""
@@ -163,10 +163,10 @@ class Archive:
             measures: ``(P, 3)``; -1 for bodies that the task cannot use, which are never elites.
             bodies: ``(P, n, n)``.
             success: fraction of each genome's episodes that succeeded, ``(P,)`` or one for all.
-            standing_still: what standing still earns in its scenarios, likewise.
-            generation: when they were evaluated.
-            seeds: ``(P, 4)`` or ``(4,)``: entropy, then spawn key of the ``SeedSequence`` of the
-                scenarios, filled up with -1. None for zeros.
+            standing_still: fitness of standing still in its scenarios, ``(P,)`` or one for all.
+            generation: index of the generation that evaluated them.
+            seeds: seed and keys of the scenarios' random stream, filled up with -1, ``(P, 4)``,
+                ``(1, 4)`` or ``(4,)``. None for zeros.
 
         Raises:
             ArchiveError: a shape that does not fit, or infinite fitness; nothing was added.

@@ -1,4 +1,4 @@
-"""What a robot that never moves earns: the line that an elite has to beat."""
+"""The fitness of a robot that never moves: the line that an elite has to beat."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def standing_still_fitness(
 
     Args:
         settings: the task with its settings.
-        scenarios: R scenarios, or rows of R.
+        scenarios: E scenarios, or rows of E.
 
     Returns:
-        Mean over the scenarios, float64: of shape ``()``, or one value per row.
+        Mean over the scenarios, float64, shape ``()``; or one value per row.
     """
     values = [
         _reward(settings, item)

@@ -1,4 +1,4 @@
-"""Test a robot on fresh episodes, and say how sure the result is."""
+"""Test a robot on fresh episodes, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ REFERENCE_ENGINE = "box2d"
 
 @dataclass(frozen=True)
 class Proportion:
-    """How often something happened."""
+    """A fraction of the episodes, with its uncertainty."""
 
     count: int
     episodes: int

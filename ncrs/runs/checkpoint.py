@@ -200,7 +200,7 @@ class CheckpointFolder:
 
     @property
     def is_writing(self) -> bool:
-        """Whether a background save is still under way."""
+        """True while a background save is under way."""
         return self._writer is not None and self._writer.is_alive()
 
     def wait(self) -> None:

@@ -32,7 +32,7 @@ class MetricsFile:
     """Appends a row per generation; a metric that comes up later gets a column then.
 
     Args:
-        folder: the run's.
+        folder: the run's folder.
         start: first generation to come; rows from there on, of a run that is now resumed, are
             dropped.
     """

@@ -40,12 +40,12 @@ class RunFiles:
 
     @property
     def exist(self) -> bool:
-        """Whether the folder holds a run."""
+        """True if the folder holds a run."""
         return bool(self._checkpoints.paths())
 
     @property
     def are_due(self) -> bool:
-        """Whether the last save is long enough ago."""
+        """True if the last save is long enough ago."""
         is_time = perf_counter() - self._saved_at >= self._config.checkpoint_seconds
         # One that is still being written is not waited for: the next comes later instead.
         return is_time and not self._checkpoints.is_writing

@@ -21,7 +21,7 @@ class Generation:
     """As evaluated, ``(P, N)``."""
     evaluation: Evaluation
     added: AddResult
-    """What adding them to the archive did."""
+    """Their effect on the archive."""
 
     def metrics(self, seconds: float) -> dict[str, float]:
         """Values of its curves; NaN fitness is counted, not averaged.

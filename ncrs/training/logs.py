@@ -28,9 +28,9 @@ class RunLog:
     """TensorBoard, table and progress bar of one run; a context manager.
 
     Args:
-        run_dir: folder of the event files.
-        config: written as text with the versions, and as hyperparameters.
-        start: first generation; what was recorded from there on is dropped.
+        run_dir: the run's folder.
+        config: settings, written as text with the versions, and as hyperparameters.
+        start: first generation to come; records from there on are dropped.
     """
 
     def __init__(self, run_dir: Path, config: TrainConfig, start: int) -> None:
@@ -67,7 +67,7 @@ class RunLog:
         Args:
             generation: genomes and results.
             metrics: value of each curve.
-            archive: after this generation.
+            archive: the archive after this generation.
         """
         index, fitness = generation.index, generation.evaluation.fitness
         values = {**metrics, **self._of_champion}

@@ -1,4 +1,4 @@
-"""What evolves: an optimizer, the archive that it fills, and the scenarios of each generation."""
+"""The search: an optimizer, the archive that it fills, and the scenarios of each generation."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ class StopRequest:
         self._previous: dict[signal.Signals, Any] = {}
 
     def __call__(self) -> bool:
-        """Whether a signal has been received."""
+        """True once a signal has been received."""
         return self.received is not None
 
     def __enter__(self) -> StopRequest:

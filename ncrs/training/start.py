@@ -18,8 +18,8 @@ def start_genome(source: str, target: NCALayout, symmetric: bool) -> NDArray[np.
 
     Args:
         source: a run's folder, a champion's file, or the name of a published champion.
-        target: of the task to search in; a champion of another task is ``transferred``.
-        symmetric: whether the search is among automata that treat left and right alike.
+        target: layout of the task to search in; a champion of another task is ``transferred``.
+        symmetric: True for a search among automata that treat left and right alike.
 
     Raises:
         ConfigError: there is no such champion; or it is not symmetric, and should be.

@@ -1,7 +1,7 @@
-"""What TensorBoard shows beside the curves: pictures, histograms, settings, layout.
+"""TensorBoard beside the curves: pictures, histograms, settings, layout.
 
-Drawing is paid from a budget: each kind of picture may take a fixed share of the run's time, so
-that slow machines and fast generations get fewer pictures, not slower runs. What is drawn never
+Drawing is paid from a budget: each kind of picture may take a fixed fraction of the run's time,
+so that slow machines and fast generations get fewer pictures, not slower runs. Drawing never
 changes what a run computes.
 """
 
@@ -26,14 +26,14 @@ from ncrs.viz.pictures import encode_animation, growth_and_episode
 from ncrs.viz.stills import heatmaps, strip
 from ncrs_envs.rendering import draw_body
 
-HISTOGRAM_SHARE = 0.002
-STILLS_SHARE = 0.003
-ANIMATION_SHARE = 0.005
-"""Shares of a run's time; together with the curves they stay under 2 %."""
+HISTOGRAM_FRACTION = 0.002
+STILLS_FRACTION = 0.003
+ANIMATION_FRACTION = 0.005
+"""Fractions of a run's time; together with the curves they stay under 2 %."""
 _HISTOGRAM_SECONDS, _STILLS_SECONDS, _ANIMATION_SECONDS = 0.01, 0.2, 1.5
-"""What each is taken to cost before it was measured."""
+"""Cost of each that is assumed before it was measured."""
 _LONG_RUN_SECONDS = 60.0
-"""A run of at least this length ends with an animation of its champion, whatever the share."""
+"""A run of at least this length ends with an animation of its champion, whatever the fraction."""
 _BODY_PIXELS = 160
 _ANIMATION_PIXELS = 160
 _STRIP_BODIES = 10
@@ -63,18 +63,18 @@ LAYOUT: Mapping[str, Mapping[str, list[Any]]] = {
 
 
 class Budget:
-    """Allows work as long as it has taken no more than a share of the time.
+    """Allows work as long as it has taken no more than a fraction of the time.
 
     Args:
-        share: of the time since this was made.
-        expected: seconds that the first piece of work is taken to cost.
+        fraction: allowed fraction of the time since this was made.
+        expected: assumed seconds of the first piece of work.
         clock: seconds from any start.
     """
 
     def __init__(
-        self, share: float, expected: float, clock: Callable[[], float] = perf_counter
+        self, fraction: float, expected: float, clock: Callable[[], float] = perf_counter
     ) -> None:
-        self._share, self._expected, self._clock = share, expected, clock
+        self._fraction, self._expected, self._clock = fraction, expected, clock
         self._start, self._spent = clock(), 0.0
 
     @property
@@ -83,9 +83,9 @@ class Budget:
         return self._clock() - self._start
 
     def run(self, work: Callable[[], None], *, at_any_cost: bool = False) -> bool:
-        """Do the work if its expected cost is within the share; returns whether it was done."""
+        """Do the work if its expected cost is within the fraction; returns True if it was done."""
         start = self._clock()
-        affordable = self._spent + self._expected <= self._share * (start - self._start)
+        affordable = self._spent + self._expected <= self._fraction * (start - self._start)
         if not (affordable or at_any_cost):
             return False
         work()
@@ -98,15 +98,15 @@ class RunPictures:
     """Pictures and histograms of one run.
 
     Args:
-        writer: the run's.
+        writer: writer of the run's event file.
         clock: seconds from any start; decides when there is time to draw.
     """
 
     def __init__(self, writer: SummaryWriter, clock: Callable[[], float] = perf_counter) -> None:
         self._writer = writer
-        self._histograms = Budget(HISTOGRAM_SHARE, _HISTOGRAM_SECONDS, clock)
-        self._stills = Budget(STILLS_SHARE, _STILLS_SECONDS, clock)
-        self._animation = Budget(ANIMATION_SHARE, _ANIMATION_SECONDS, clock)
+        self._histograms = Budget(HISTOGRAM_FRACTION, _HISTOGRAM_SECONDS, clock)
+        self._stills = Budget(STILLS_FRACTION, _STILLS_SECONDS, clock)
+        self._animation = Budget(ANIMATION_FRACTION, _ANIMATION_SECONDS, clock)
         self._champion: Champion | None = None
         self._undrawn: Champion | None = None
         self._unmoved: Champion | None = None
@@ -128,10 +128,10 @@ class RunPictures:
         """Draw what there is time for.
 
         Args:
-            index: the generation's number.
-            fitness: ``(P,)``; NaN is left out.
-            genomes: ``(P, N)``.
-            archive: after this generation.
+            index: index of the generation.
+            fitness: fitness of its genomes, ``(P,)``; NaN is left out.
+            genomes: its genomes, ``(P, N)``.
+            archive: the archive after this generation.
             last: draw the stills, and after a long run the animation, whatever the time.
         """
         if self._undrawn is not None:
@@ -203,11 +203,11 @@ def add_encoded_image(
     """Add a picture that is encoded already (PNG, GIF), animated or not.
 
     Args:
-        writer: where to.
-        tag: its name.
+        writer: writer of the run's event file.
+        tag: name of the picture.
         data: the encoded picture.
         shape: height and width.
-        index: generation.
+        index: index of the generation.
     """
     image = Summary.Image(height=shape[0], width=shape[1], colorspace=3, encoded_image_string=data)
     _file_writer(writer).add_summary(Summary(value=[Summary.Value(tag=tag, image=image)]), index)
