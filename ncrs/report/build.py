@@ -16,7 +16,7 @@ from ncrs.automaton.channels import STATE_LIMIT
 from ncrs.automaton.nca import NCAPopulation
 from ncrs.report.curves import load_curves
 from ncrs.report.encoding import pack, quantize, write_data
-from ncrs.report.overview import charts, facts, robot_table, setting_lines, task_title, world
+from ncrs.report.overview import charts, facts, robot_table, setting_lines, world
 from ncrs.report.robots import ReportError, Robots, load_robots
 from ncrs.runs.settings import load_config
 from ncrs_envs.body import sensor_mask, wheel_mask
@@ -122,7 +122,7 @@ def build_report(
         (made / DATA_FOLDER).mkdir(parents=True)
         write_data(made / OVERVIEW_FILE, "overview", 0, overview)
         page = {
-            "title": f"{task_title(settings.task)}, {config.optimizer.name}",
+            "title": f"{settings.task.title}, {config.optimizer.name}",
             "run": overview["run"],
             "facts": facts(config, robots, curves),
             "settings": setting_lines(asdict(config)),

@@ -6,22 +6,15 @@ import signal
 
 from ncrs.runs.assessment import EPISODES, REFERENCE_ENGINE, assess
 from ncrs.runs.settings import TrainConfig
+from ncrs.runs.wording import duration
 from ncrs.training.trainer import TrainingResult
 from ncrs_envs.body import body_measures, body_to_characters
-
-
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    if hours:
-        return f"{hours} h {minutes} min"
-    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
 def _effort(result: TrainingResult) -> str:
     return (
         f"{result.generation} generations, {result.evaluations:,} evaluations, "
-        f"{result.env_steps:,} environment steps in {_duration(result.seconds)}"
+        f"{result.env_steps:,} environment steps in {duration(result.seconds)}"
     )
 
 

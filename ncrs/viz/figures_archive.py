@@ -19,8 +19,8 @@ from ncrs.viz.style import (
     Plot,
     method_name,
     method_style,
-    task_name,
 )
+from ncrs_envs.tasks import get_task
 
 _COLUMNS = 6
 _BINS = 30
@@ -54,7 +54,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
     figure.supxlabel("sensors", fontsize=8)
     figure.supylabel("wheels", fontsize=8)
     possible = len(archive.space.triples)
-    title = f"{task_name(elites.task.name)}: {len(archive)} of {possible} elites"
+    title = f"{elites.task.task.title}: {len(archive)} of {possible} elites"
     figure.suptitle(f"{title}, QD-score {fitness.sum() / possible:.3f}", fontsize=8)
     figure.colorbar(image, ax=panels, label="fitness", shrink=0.6, aspect=30)
     columns = ["sensors", "wheels", "cells", "fitness", "success"]
@@ -99,7 +99,7 @@ def histogram_plot(groups: Sequence[Group]) -> Plot | None:
                 [task, group.method, low, high, count, len(runs)]
                 for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
             ]
-        panel.set(title=task_name(task), xlabel="fitness of the elite")
+        panel.set(title=get_task(task).title, xlabel="fitness of the elite")
         panel.legend(loc="upper left")
     panels[0].set_ylabel("elites per run")
     columns = ["task", "method", "from", "to", "elites_per_run", "runs"]

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ncrs.viz.runs import Group, VizError, tasks_of
-from ncrs.viz.style import COLUMN, WIDTH, Plot, method_name, method_style, task_name
+from ncrs.viz.style import COLUMN, WIDTH, Plot, method_name, method_style
+from ncrs_envs.tasks import get_task
 
 AXES = {"generation": "generation", "evaluations": "evaluations"}
 """What the horizontal axis can count, by the name of its option."""
@@ -62,7 +63,7 @@ def fitness_plot(groups: Sequence[Group], axis: str = "generation") -> Plot | No
             for values in zip(x, median, low, high, [seeds] * len(x), strict=True)
         ]
     for task, panel in zip(tasks, panels, strict=True):
-        panel.set(title=task_name(task), xlabel=AXES[axis])
+        panel.set(title=get_task(task).title, xlabel=AXES[axis])
         panel.xaxis.get_major_locator().set_params(integer=True)
         # Below the panel: curves may run anywhere in it.
         panel.legend(loc="upper left", bbox_to_anchor=(0.0, -0.22), borderaxespad=0.0)

@@ -11,17 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Rectangle
 
-from ncrs.automaton.channels import HIDDEN_CHANNELS
-from ncrs.automaton.nca import NCA
 from ncrs.runs.champion import Champion
 from ncrs.viz.body_patches import add_body, add_silhouette, cell_legend
 from ncrs.viz.recording import Recording, record_episodes, record_growth
 from ncrs.viz.runs import Group, methods_of, tasks_of
-from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, method_name, task_name
-from ncrs_envs.body import Cell, body_measures, body_to_characters
+from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, method_name
+from ncrs_envs.body import body_measures, body_to_characters
 from ncrs_envs.physics import TARGET_SIDE
 from ncrs_envs.scenario import WALL_EXTENT
-from ncrs_envs.tasks import REGIONS
+from ncrs_envs.tasks import REGIONS, get_task
 
 _MOMENTS = ("seed", "end of growth", "end of control")
 
@@ -46,7 +44,7 @@ def designs_plot(groups: Sequence[Group]) -> Plot | None:
         run, champion = best[task, method][0]
         sensors, wheels, cells = body_measures(champion.body).tolist()
         add_body(panel, champion.body)
-        panel.set_title(f"{task_name(task)}, {method_name(method)}")
+        panel.set_title(f"{get_task(task).title}, {method_name(method)}")
         panel.set_xlabel(
             f"fitness {champion.fitness:.3f}, success {champion.success:.0%}\n"
             f"{cells} cells, {wheels} wheels, {sensors} sensors",
@@ -56,7 +54,7 @@ def designs_plot(groups: Sequence[Group]) -> Plot | None:
         drawn = body_to_characters(champion.body).replace("\n", "/")
         values = (champion.fitness, champion.success, sensors, wheels, cells, drawn)
         rows.append([task, method, run.folder.name, run.config.seed, *values])
-    handles = cell_legend(np.concatenate(seen))
+    handles = cell_legend(np.concatenate(seen), [get_task(task) for task in tasks])
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     columns = [
         "task", "method", "run", "seed", "fitness", "success", "sensors", "wheels", "cells", "body",
@@ -64,19 +62,12 @@ def designs_plot(groups: Sequence[Group]) -> Plot | None:
     return Plot("designs", figure, columns, rows)
 
 
-def channel_names(nca: NCA) -> list[str]:
-    """Names of an NCA's channels, in order."""
-    parts = [Cell(code).name.lower().replace("_", " ") for code in nca.layout.part_codes]
-    hidden = [f"hidden {index + 1}" for index in range(HIDDEN_CHANNELS)]
-    return ["body", "control", *parts, *hidden, "in/out"]
-
-
 def channels_plot(champion: Champion, name: str, seed: int = 0) -> Plot:
     """All NCA channels at the seed, at the end of growth, and at the end of one episode."""
     growth = record_growth(champion)
     control = record_episodes(champion, 1, seed)[0].states[-1]
     states = np.stack([growth.states[0], growth.states[-1], control])
-    names = channel_names(champion.nca)
+    names = champion.nca.layout.channel_names
     limit = max(1.0, float(np.abs(states).max()))
     figure = Figure(figsize=(WIDTH, 2.0))
     panels = figure.subplots(len(_MOMENTS), len(names) + 1)
@@ -91,7 +82,7 @@ def channels_plot(champion: Champion, name: str, seed: int = 0) -> Plot:
             panel.set(xticks=[], yticks=[])
             panel.spines[:].set(visible=True, color="#909090")
             if moment == 0:
-                panel.set_title(channel_name.replace(" ", "\n"), fontsize=6)
+                panel.set_title(channel_name.replace(" ", "\n").replace("/", "/\n"), fontsize=6)
     panels[0, 0].set_title("robot", fontsize=6)
     bar = figure.colorbar(image, ax=panels, shrink=0.8, aspect=30, pad=0.01)
     bar.ax.tick_params(labelsize=6)
@@ -121,7 +112,7 @@ def positions_plot(champion: Champion, name: str, episodes: int = 12, seed: int 
     reach = WALL_EXTENT * recordings[0].scenes[0].extent
     panel.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x", ylabel="y")
     solved = sum(recording.success for recording in recordings)
-    method = f"{task_name(champion.task.name)}: {solved} of {episodes} episodes solved"
+    method = f"{champion.task.task.title}: {solved} of {episodes} episodes solved"
     panel.set_title(method)
     figure.legend(handles=_position_legend(recordings[0]), loc="outside lower center", ncols=3)
     columns = [

@@ -99,7 +99,7 @@ def episode_frames(
 
 
 def _heading(robot: Grown, title: str) -> list[str]:
-    return [robot.task.task.env_id.split("-")[1], title]
+    return [robot.task.task.title, title]
 
 
 def _levels(name: str, values: NDArray[np.floating]) -> str:

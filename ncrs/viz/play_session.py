@@ -109,7 +109,7 @@ class PlaySession:
         endless: bool = False,
     ) -> None:
         self._settings = task
-        self._task = self._settings.task
+        self.task = self._settings.task
         self.body = parse_body(body, self._settings.grid_size)
         self.rival_body = None if rival is None else rival.body
         self.problem: str | None = None
@@ -125,12 +125,12 @@ class PlaySession:
     @property
     def cells(self) -> tuple[Cell, ...]:
         """Cell types that you may use."""
-        return (Cell.EMPTY, *self._task.part_cells)
+        return (Cell.EMPTY, *self.task.part_cells)
 
     @property
     def scenario(self) -> Scenario:
         """The current placements."""
-        drawn = sample_scenarios(self._task, self._seed, self._number + 1, self._settings.grid_size)
+        drawn = sample_scenarios(self.task, self._seed, self._number + 1, self._settings.grid_size)
         return drawn[-1]
 
     @property
@@ -158,7 +158,7 @@ class PlaySession:
             BodyError: a cell type that the task has not.
         """
         if cell not in self.cells:
-            raise BodyError(f"{self._task.name} has no {cell.name.lower().replace('_', ' ')}.")
+            raise BodyError(f"{self.task.name} has no {self.task.cell_label(cell)}.")
         body = self.body.copy()
         body[row, column] = int(cell)
         self.wear(body)
@@ -167,7 +167,7 @@ class PlaySession:
         """Take a whole body and start again; ``problem`` says if it cannot drive."""
         self.body = parse_body(body, self._settings.grid_size)
         try:
-            self._task.check_body(self.body)
+            self.task.check_body(self.body)
         except BodyError as error:
             self.problem = str(error)
             return

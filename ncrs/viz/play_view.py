@@ -12,7 +12,7 @@ from ncrs.viz.stills import Picture, ground, write
 from ncrs_envs.body import Cell, sensor_mask
 from ncrs_envs.canvas import AMBER, BORDER, GREEN, SENSOR_BASE, SKY, TISSUE, VERMILION, WHITE, Color
 from ncrs_envs.rendering import draw_body, draw_scene
-from ncrs_envs.tasks import MAX_EPISODE_STEPS
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, Task
 
 ARENA = 420
 _TITLE = 26
@@ -32,13 +32,6 @@ _KEYS = (
     "+ and -   speed      Esc   quit",
 )
 _RIVAL_KEYS = ("B   take over the evolved body",)
-_NAMES = {
-    Cell.EMPTY: "empty",
-    Cell.TISSUE: "tissue",
-    Cell.LIGHT_SENSOR: "light sensor",
-    Cell.TARGET_SENSOR: "target sensor",
-    Cell.WHEEL: "wheel",
-}
 
 
 @dataclass(frozen=True)
@@ -109,7 +102,7 @@ def draw_play(session: PlaySession, chosen: Cell, speed: float, rival_title: str
     left, top = layout.editor
     _put(picture, draw_body(session.body, _EDITOR), left, top)
     palette_left, palette_top = layout.palette(0)
-    _put(picture, _palette(layout.cells, chosen), palette_left - 3, palette_top - 3)
+    _put(picture, _palette(session.task, layout.cells, chosen), palette_left - 3, palette_top - 3)
     x = palette_left + 6 * _PALETTE
     picture = _sensors(picture, session, x, top)
     if session.rivals is not None:
@@ -139,7 +132,7 @@ def _help(width: int, *more: str) -> Picture:
 
 
 @lru_cache(maxsize=16)
-def _palette(cells: tuple[Cell, ...], chosen: Cell) -> Picture:
+def _palette(task: Task, cells: tuple[Cell, ...], chosen: Cell) -> Picture:
     """The cells to choose from, with room for a frame of 3 pixels around each."""
     step = _PALETTE + _BETWEEN
     picture = ground(len(cells) * step, 5 * _PALETTE + 6)
@@ -149,7 +142,8 @@ def _palette(cells: tuple[Cell, ...], chosen: Cell) -> Picture:
             picture[top - 3 : top + _PALETTE + 3] = SENSOR_BASE
         _put(picture, _sample(cell), 3, top)
         at = (_PALETTE + 11, top + _PALETTE / 2)
-        picture = write(picture, at, f"{index + 1}  {_NAMES[cell]}", _TEXT, WHITE, "lm")
+        label = f"{index + 1}  {task.cell_label(cell)}"
+        picture = write(picture, at, label, _TEXT, WHITE, "lm")
     return picture
 
 

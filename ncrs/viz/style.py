@@ -25,13 +25,13 @@ LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (8, 2))
 """Line styles that repeat every distinction that a colour makes."""
 EMPTY_CELL = "#e4e4e4"
 
-TASK_NAMES = {"light_chase": "LightChase", "obstacle": "Obstacle", "carry_ball": "CarryBall"}
 METHOD_NAMES = {
     "sep_cma_es": "sep-CMA-ES",
     "cma_es": "CMA-ES",
     "cma_me": "CMA-ME",
     "cma_mae": "CMA-MAE",
     "map_elites": "MAP-Elites",
+    "iso_cma_es": "iso-CMA-ES",
 }
 
 _STYLE: dict[Any, Any] = {
@@ -58,11 +58,6 @@ def style() -> Iterator[None]:
     """Within the block, figures are made and saved in the house style."""
     with mpl.rc_context(_STYLE):
         yield
-
-
-def task_name(task: str) -> str:
-    """A task's name as it is printed."""
-    return TASK_NAMES.get(task, task)
 
 
 def method_name(method: str) -> str:
