@@ -206,7 +206,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     either = parser.add_mutually_exclusive_group()
     either.add_argument("--collect", nargs=2, metavar=("RUN", "NAME"))
-    either.add_argument("--episodes", nargs="+", type=Path, metavar="RUN")
+    either.add_argument("--runs", nargs="+", type=Path, metavar="RUN")
     options = parser.parse_args()
     if options.runs is not None:
         table_of_runs(options.runs)

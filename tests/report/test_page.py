@@ -289,7 +289,7 @@ def test_dark_scheme_and_contrast(page):
     for scheme in ("light", "dark"):
         page.driver.execute_cdp_cmd(
             "Emulation.setEmulatedMedia",
-            {"measures": [{"name": "prefers-color-scheme", "value": scheme}]},
+            {"features": [{"name": "prefers-color-scheme", "value": scheme}]},
         )
         page.open()
         colors = page.js(
@@ -302,7 +302,7 @@ def test_dark_scheme_and_contrast(page):
         assert contrast(ground, text) > 7
         assert contrast(ground, quiet) > 4.5
         seen.append(ground)
-    page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"measures": []})
+    page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
     assert sum(seen[0]) > 600 > 200 > sum(seen[1])
 
 
