@@ -153,6 +153,7 @@ def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, An
             for character, cell in CELL_CHARACTERS.items()
         },
         "palette": {name: f"rgb{color}" for name, color in _COLORS.items()},
+        "scales": {"amount": canvas.AMOUNTS, "signed": canvas.SIGNED},
         "scenarios": [_placements(scenario, settings.grid_size) for scenario in scenarios],
     }
 

@@ -17,9 +17,11 @@ from ncrs.viz.style import (
     EMPTY_CELL,
     WIDTH,
     Plot,
+    colormap,
     method_name,
     method_style,
 )
+from ncrs_envs.canvas import AMOUNTS
 from ncrs_envs.tasks import get_task
 
 _COLUMNS = 6
@@ -34,6 +36,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
     archive = elites.archive
     measures, fitness = archive.measures, archive.column("fitness")
     grid = archive_grid(measures, fitness, archive.space.triples)
+    colors = colormap(AMOUNTS)
     norm = Normalize(float(fitness.min()), float(fitness.max()))
     rows = math.ceil(len(grid.cells) / _COLUMNS)
     figure = Figure(figsize=(WIDTH, WIDTH / _COLUMNS * rows * 1.05))
@@ -45,7 +48,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
             continue
         empty = np.where(grid.possible[index], 1.0, np.nan).T
         panel.imshow(empty, cmap=ListedColormap([EMPTY_CELL]), origin="lower", vmin=0, vmax=1)
-        image = panel.imshow(grid.values[index].T, cmap="viridis", norm=norm, origin="lower")
+        image = panel.imshow(grid.values[index].T, cmap=colors, norm=norm, origin="lower")
         panel.set_title(f"{grid.cells[index]} cells", pad=2, fontsize=7)
         ticks = list(range(0, largest, 10))
         panel.set(

@@ -15,8 +15,9 @@ from ncrs.runs.champion import Champion
 from ncrs.viz.body_patches import add_body, add_silhouette, cell_legend
 from ncrs.viz.recording import Recording, record_episodes, record_growth
 from ncrs.viz.runs import Group, methods_of, tasks_of
-from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, method_name
+from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, colormap, method_name
 from ncrs_envs.body import body_measures, body_to_characters
+from ncrs_envs.canvas import SIGNED
 from ncrs_envs.physics import TARGET_SIDE
 from ncrs_envs.scenario import WALL_EXTENT
 from ncrs_envs.tasks import REGIONS, get_task
@@ -67,6 +68,7 @@ def channels_plot(champion: Champion, name: str, seed: int = 0) -> Plot:
     growth = record_growth(champion)
     control = record_episodes(champion, 1, seed)[0].states[-1]
     states = np.stack([growth.states[0], growth.states[-1], control])
+    colors = colormap(SIGNED)
     names = champion.nca.layout.channel_names
     limit = max(1.0, float(np.abs(states).max()))
     figure = Figure(figsize=(WIDTH, 2.0))
@@ -78,7 +80,7 @@ def channels_plot(champion: Champion, name: str, seed: int = 0) -> Plot:
         for channel, channel_name in enumerate(names):
             panel = panels[moment, channel + 1]
             values = states[moment, :, :, channel]
-            image = panel.imshow(values, cmap="RdBu_r", vmin=-limit, vmax=limit)
+            image = panel.imshow(values, cmap=colors, vmin=-limit, vmax=limit)
             panel.set(xticks=[], yticks=[])
             panel.spines[:].set(visible=True, color="#909090")
             if moment == 0:

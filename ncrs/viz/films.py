@@ -14,7 +14,7 @@ from ncrs.viz.recording import Grown, Growth, Recording, record_episodes, record
 from ncrs.viz.runs import VizError
 from ncrs.viz.stills import Picture, ground, ramp, write
 from ncrs_envs.body import sensor_mask, wheel_mask
-from ncrs_envs.canvas import BORDER, TISSUE, WHITE
+from ncrs_envs.canvas import BORDER, SIGNED, TISSUE, WHITE
 from ncrs_envs.physics import DT
 from ncrs_envs.rendering import draw_body, draw_scene
 
@@ -135,7 +135,7 @@ def channel_picture(state: NDArray[np.float32], width: int) -> Picture:
     picture = ground(rows * side - gap, _CHANNEL_COLUMNS * side - gap)
     for channel in range(channels):
         row, column = divmod(channel, _CHANNEL_COLUMNS)
-        colors = ramp(state[..., channel], -_CHANNEL_LIMIT, _CHANNEL_LIMIT)
+        colors = ramp(state[..., channel], -_CHANNEL_LIMIT, _CHANNEL_LIMIT, SIGNED)
         cells = colors.repeat(pixels, axis=0).repeat(pixels, axis=1)
         top, left = row * side, column * side
         picture[top : top + cells.shape[0], left : left + cells.shape[1]] = cells

@@ -12,30 +12,25 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ncrs.viz.archive_grid import ArchiveGrid
 from ncrs_envs.body import BodyGrid
-from ncrs_envs.canvas import BORDER, GRID, GROUND, WHITE, Color, Point
+from ncrs_envs.canvas import AMOUNTS, BORDER, GRID, GROUND, WHITE, Color, Point
 from ncrs_envs.rendering import draw_body
 
 Picture = NDArray[np.uint8]
 """RGB, ``(height, width, 3)``."""
 
-# Matplotlib's viridis at nine equal steps: even in lightness, and safe for the colour-blind.
-_RAMP = np.array(
-    [
-        (68, 1, 84), (71, 44, 122), (59, 81, 139), (44, 113, 142), (33, 144, 141),
-        (39, 173, 129), (92, 200, 99), (170, 220, 50), (253, 231, 37),
-    ],
-    dtype=np.float64,
-)  # fmt: skip
 _GAP = 6
 
 
-def ramp(values: NDArray[np.floating], low: float, high: float) -> Picture:
-    """Colours from dark blue (``low``) to yellow (``high``); uint8, one axis of 3 more."""
-    share = np.clip((values - low) / (high - low if high > low else 1.0), 0.0, 1.0)
-    place = share * (len(_RAMP) - 1)
-    below = np.minimum(place.astype(int), len(_RAMP) - 2)
+def ramp(
+    values: NDArray[np.floating], low: float, high: float, scale: Sequence[Color] = AMOUNTS
+) -> Picture:
+    """Colours of a scale, its first at ``low`` and its last at ``high``; one axis of 3 more."""
+    stops = np.asarray(scale, dtype=np.float64)
+    fraction = np.clip((values - low) / (high - low if high > low else 1.0), 0.0, 1.0)
+    place = fraction * (len(stops) - 1)
+    below = np.minimum(place.astype(int), len(stops) - 2)
     rest = (place - below)[..., None]
-    return np.asarray(_RAMP[below] * (1.0 - rest) + _RAMP[below + 1] * rest + 0.5, dtype=np.uint8)
+    return np.asarray(stops[below] * (1.0 - rest) + stops[below + 1] * rest + 0.5, dtype=np.uint8)
 
 
 @lru_cache(maxsize=16)

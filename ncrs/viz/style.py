@@ -11,9 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from ncrs.runs.checkpoint import write_atomically
+from ncrs_envs.canvas import Color
 
 WIDTH = 7.0
 """Inches: two columns of a page."""
@@ -51,6 +54,11 @@ _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "ncrs",  # the same data give the same file
     "axes.unicode_minus": True,
 }
+
+
+def colormap(scale: Sequence[Color]) -> Colormap:
+    """A scale of colours as matplotlib takes it."""
+    return LinearSegmentedColormap.from_list("scale", np.asarray(scale) / 255.0)
 
 
 @contextmanager

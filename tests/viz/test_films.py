@@ -11,6 +11,7 @@ from ncrs.viz import film_files
 from ncrs.viz.films import channel_picture, check_height, growth_frames, timed_frames
 from ncrs.viz.robots import load_robot
 from ncrs.viz.runs import VizError
+from ncrs_envs.canvas import SIGNED
 
 
 @pytest.fixture(scope="module")
@@ -55,10 +56,10 @@ def test_channels_are_drawn_in_their_order():
     state = np.zeros((5, 5, 12), dtype=np.float32)
     state[0, 0, 6] = 9.0
     picture = channel_picture(state, 200)
-    yellow = np.argwhere((picture == (253, 231, 37)).all(axis=-1))
+    orange = np.argwhere((picture == SIGNED[-1]).all(axis=-1))
     pixels = ((204 // 5) - 4) // 5
-    assert len(yellow) == pixels**2
-    assert yellow.min(axis=0).tolist() == [5 * pixels + 4, 5 * pixels + 4]
+    assert len(orange) == pixels**2
+    assert orange.min(axis=0).tolist() == [5 * pixels + 4, 5 * pixels + 4]
 
 
 def test_an_elite_and_a_genome_are_robots_too(sweep, tmp_path, robot):

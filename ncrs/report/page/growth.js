@@ -15,7 +15,7 @@
     const figures = channels.map((name, i) =>
       element("figure", { class: "channel" }, canvases[i], element("figcaption", {}, name.replace("/", "/\u200b"))));
     const ramp = element("span");
-    ramp.style.background = NCRSReport.signedRamp;
+    ramp.style.background = NCRSReport.ramp("signed");
     const box = element("div", {}, heading, element("div", { class: "channels" }, ...figures),
       element("div", { class: "scale", "aria-hidden": "true" }, least, ramp, most));
 
