@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ncrs.automaton.channels import STATE_LIMIT
+from ncrs.automaton.growth import record_growth
 from ncrs.automaton.nca import NCAPopulation
 from ncrs.report.curves import load_curves
 from ncrs.report.encoding import pack, quantize, write_data
@@ -30,7 +31,6 @@ DATA_FOLDER = "data"
 OVERVIEW_FILE = f"{DATA_FOLDER}/overview.js"
 ALL, CHAMPION = "all", "champion"
 """Which robots to record."""
-EPISODES = 2
 CHUNK = 20
 """Robots in one data file: few enough to load at a click, enough to keep the files few."""
 _BATCH = 12 * CHUNK
@@ -52,6 +52,26 @@ _STREAM = 6
 
 
 @dataclass(frozen=True)
+class ReportOptions:
+    """Options of a report.
+
+    Raises:
+        ReportError: ``elites`` is neither "all" nor "champion".
+    """
+
+    episodes: int = 2
+    """Number of fresh episodes for every robot, in the same scenarios for all."""
+    elites: str = ALL
+    """"all" records every robot, "champion" the champion alone."""
+    seed: int = 0
+    """Seed for sampling the scenarios."""
+
+    def __post_init__(self) -> None:
+        if self.elites not in (ALL, CHAMPION):
+            raise ReportError(f"elites must be {ALL!r} or {CHAMPION!r}, got {self.elites!r}.")
+
+
+@dataclass(frozen=True)
 class Report:
     """What was written."""
 
@@ -67,47 +87,41 @@ class Report:
 def build_report(
     run_dir: str | Path,
     folder: str | Path | None = None,
+    options: ReportOptions | None = None,
     *,
-    episodes: int = EPISODES,
-    elites: str = ALL,
-    seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Report:
     """Write a run's report, in place of an older one.
 
     Args:
-        run_dir: the run's folder.
-        folder: where to; by default ``report`` in the run's folder.
-        episodes: fresh episodes for every robot, in the same scenarios for all.
-        elites: "all" records every robot, "champion" the champion alone.
-        seed: of the scenarios.
-        progress: called with the number of robots recorded so far, and of all to record.
+        run_dir: Folder of the run.
+        folder: Folder of the page; by default ``report`` in the run's folder.
+        options: Robots and episodes to record; None for the defaults.
+        progress: Called with the number of robots recorded so far, and of all to record.
 
     Raises:
         ConfigError: the folder holds no run, or neither an archive nor a champion.
-        ReportError: there is no robot to show; or ``folder`` holds something else than a report;
-            or an option is unknown.
-        ScenarioError: ``episodes`` is not a positive integer.
+        ReportError: there is no robot to show; or ``folder`` holds something else than a report.
+        ScenarioError: the number of episodes is not a positive integer.
         CheckpointError: a file of the run is damaged.
     """
     run_dir = Path(run_dir)
-    if elites not in (ALL, CHAMPION):
-        raise ReportError(f"elites must be {ALL!r} or {CHAMPION!r}, got {elites!r}.")
+    options = ReportOptions() if options is None else options
     config = load_config(run_dir)
     robots = load_robots(run_dir)
-    if elites == CHAMPION and robots.champion is None:
+    if options.elites == CHAMPION and robots.champion is None:
         raise ReportError(f"{run_dir} has no champion yet; record all elites, or train for longer.")
     target = run_dir / REPORT_FOLDER if folder is None else Path(folder)
     _check_target(target)
     settings = robots.task
     scenarios = sample_scenarios(
         settings.task,
-        np.random.SeedSequence(seed, spawn_key=(_STREAM,)),
-        episodes,
+        np.random.SeedSequence(options.seed, spawn_key=(_STREAM,)),
+        options.episodes,
         settings.grid_size,
     )
     curves = load_curves(run_dir)
-    first = robots.elites if elites == CHAMPION else 0
+    first = robots.elites if options.elites == CHAMPION else 0
     overview = {
         "run": run_dir.resolve().name,
         "world": world(settings, scenarios),
@@ -197,7 +211,7 @@ def _record(
     robots: Robots, rows: slice, scenarios: Sequence[Scenario], settings: TaskSettings
 ) -> list[dict[str, Any]]:
     """Growth, channels and episodes of some robots, as the page reads them."""
-    from ncrs.report.episodes import record_episodes, record_growth
+    from ncrs.report.episodes import record_episodes
 
     limits = _limits(settings)
     population = NCAPopulation(robots.genomes[rows], settings.task)

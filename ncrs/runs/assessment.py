@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ncrs.engines.base import make_engine
-from ncrs.runs.champion import Champion
+from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.statistics import wilson_interval
 from ncrs_envs.body import body_to_characters
 from ncrs_envs.scenario import sample_scenarios
@@ -80,17 +80,17 @@ class Assessment:
 
 
 def assess(
-    champion: Champion,
+    robot: EvolvedRobot,
     *,
     episodes: int = EPISODES,
     seed: int = 0,
     engine: str = REFERENCE_ENGINE,
     workers: int | None = 1,
 ) -> Assessment:
-    """Run a champion on fresh episodes, in scenarios that no training run has seen.
+    """Run a robot on fresh episodes, in scenarios that no training run has seen.
 
     Args:
-        champion: genome and task.
+        robot: its genome is grown again, for its task.
         episodes: number of episodes, at least 1.
         seed: decides the scenarios.
         engine: as for ``evaluate``.
@@ -100,11 +100,11 @@ def assess(
         ScenarioError: ``episodes`` is not a positive integer.
         EngineSettingError: unknown engine.
     """
-    settings = champion.task
+    settings = robot.task
     stream = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
     scenarios = sample_scenarios(settings.task, stream, episodes, settings.grid_size)
     with make_engine(engine, settings, workers) as running:
-        result = running.evaluate(champion.genome, scenarios)
+        result = running.evaluate(robot.genome, scenarios)
     episode_fitness = result.episode_fitness[0]
     spread = float(episode_fitness.std(ddof=1)) if episodes > 1 else 0.0
     crossed = Proportion.of(int(result.crossed[0].sum()), episodes)

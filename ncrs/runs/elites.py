@@ -7,14 +7,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ncrs.automaton.channels import nca_layout
-from ncrs.automaton.nca import NCA
 from ncrs.engines.base import AUTO_ENGINE, Evaluation
 from ncrs.engines.evaluate import evaluate
 from ncrs.evolution.archive import NO_CELL, Archive, MeasureSpace
 from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
+from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.settings import run_file
 from ncrs_envs.body import Cell, parse_body
 from ncrs_envs.errors import NCRSError
@@ -42,21 +41,13 @@ def make_archive(settings: TaskSettings) -> Archive:
     return Archive(space, nca_layout(settings.task).num_parameters, settings.grid_size)
 
 
-@dataclass(frozen=True)
-class Elite:
-    """The best genome known with its measures."""
+@dataclass(frozen=True, eq=False)
+class Elite(EvolvedRobot):
+    """The best robot known with its measures.
 
-    measures: tuple[int, int, int]
-    """Sensors, wheels, cells."""
-    genome: NDArray[np.float32]
-    """Shape ``(num_parameters,)``."""
-    body: NDArray[np.int8]
-    """Cell codes, ``(n, n)``."""
-    task: TaskSettings
-    fitness: float
-    """Mean over its scenarios: a lucky draw, unless the archive was re-estimated."""
-    success: float
-    """Share of its scenarios that succeeded, 0 to 1."""
+    Its fitness is a lucky draw, unless the archive was re-estimated.
+    """
+
     generation: int
     """When it was found."""
     evaluation_seed: tuple[int, ...]
@@ -67,9 +58,9 @@ class Elite:
     """How they were drawn."""
 
     @property
-    def nca(self) -> NCA:
-        """A new NCA with this genome."""
-        return NCA(self.task.name).set_genome(self.genome)
+    def title(self) -> str:
+        """Which robot it is, for people."""
+        return f"elite with measures {self.measures}"
 
     @property
     def scenarios(self) -> list[Scenario]:
@@ -123,7 +114,6 @@ class EliteArchive:
 
         seed = archive.column("seeds")[index].tolist()
         return Elite(
-            measures=triple,
             genome=archive.column("genomes")[index],
             body=parse_body(archive.column("bodies")[index], archive.grid_size),
             task=self.task,
@@ -178,10 +168,7 @@ def load_archive(path: str | Path) -> EliteArchive:
             task,
             Archive.from_state(state["archive"]),
             int(state["episodes"]),
-            # Older archives name the mirroring alone, or have none.
-            ScenarioSampling(
-                **state.get("sampling", {"mirroring": state.get("mirroring", "none")})
-            ).check(),
+            ScenarioSampling(**state["sampling"]).check(),
         )
         expected = make_archive(task)
     except (TypeError, KeyError, ValueError) as error:
@@ -189,6 +176,11 @@ def load_archive(path: str | Path) -> EliteArchive:
     if expected.space != loaded.archive.space or expected.dimension != loaded.archive.dimension:
         raise CheckpointError(f"{path} holds an archive that does not fit its task {task.name}.")
     return loaded
+
+
+def find_archive(run_dir: Path) -> EliteArchive | None:
+    """The archive of a run; None if it has written none. See ``load_archive`` for errors."""
+    return load_archive(run_dir) if (run_dir / ARCHIVE_FILE).is_file() else None
 
 
 def load_elite(path: str | Path, measures: Sequence[int]) -> Elite:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.control import Controller
-from ncrs.viz.recording import make_env
-from ncrs.viz.robots import EvolvedRobot
+from ncrs.runs.robot import EvolvedRobot
 from ncrs_envs.body import BodyError, BodyGrid, Cell, cell_centers, mass_properties, parse_body
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Scenario, sample_scenarios
@@ -34,6 +34,17 @@ def steering(body: BodyGrid, throttle: float, turn: float) -> NDArray[np.float32
     return np.where(body == Cell.WHEEL, gas, 0.0).astype(np.float32)
 
 
+def _make_env(settings: TaskSettings, body: BodyGrid) -> Any:
+    """The Box2D environment, without Gymnasium's time limit, so that one may drive on."""
+    return gymnasium.make(
+        f"ncrs_envs:{settings.task.env_id}",
+        body=body.tolist(),
+        grid_size=settings.grid_size,
+        distance_score=settings.distance_score,
+        success_radius=settings.radius,
+    ).unwrapped
+
+
 class Lane:
     """One robot's own copy of the world, on Box2D.
 
@@ -44,8 +55,7 @@ class Lane:
     """
 
     def __init__(self, task: TaskSettings, body: BodyGrid, controller: Controller | None) -> None:
-        # Without Gymnasium's time limit, so that one may drive on.
-        self._env: Any = make_env(task, body).unwrapped
+        self._env = _make_env(task, body)
         self._controller = controller
         self._total = 0.0
         self.steps = 0

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from ncrs.viz.play_session import Lane, PlaySession
-from ncrs.viz.stills import Picture, ground, write
+from ncrs.viz.stills import Lettering, Picture, ground, write
 from ncrs_envs.body import Cell, sensor_mask
 from ncrs_envs.canvas import AMBER, BORDER, GREEN, SENSOR_BASE, SKY, TISSUE, VERMILION, WHITE, Color
 from ncrs_envs.rendering import draw_body, draw_scene
@@ -108,7 +108,7 @@ def draw_play(session: PlaySession, chosen: Cell, speed: float, rival_title: str
     if session.rivals is not None:
         _put(picture, _help(width - x - _BARS - 60, *_RIVAL_KEYS), x + _BARS + 60, top)
     text, color = _status(session, speed)
-    return write(picture, (left, height - _MARGIN - 2), text, _TEXT, color, "ls")
+    return write(picture, (left, height - _MARGIN - 2), text, Lettering(_TEXT, color, "ls"))
 
 
 def _put(picture: Picture, part: Picture, left: int, top: int) -> None:
@@ -121,14 +121,15 @@ def _arena(lane: Lane, name: str) -> Picture:
     scene = lane.scene
     title = f"{name}:  step {lane.steps},  fitness {lane.fitness:.3f}"
     solved = "   solved" if scene.success else ""
-    head = write(ground(_TITLE, ARENA), (8, 5), title + solved, _TEXT, GREEN if solved else WHITE)
+    color = GREEN if solved else WHITE
+    head = write(ground(_TITLE, ARENA), (8, 5), title + solved, Lettering(_TEXT, color))
     return np.concatenate([head, draw_scene(scene, ARENA)], axis=0)
 
 
 @lru_cache(maxsize=4)
 def _help(width: int, *more: str) -> Picture:
     panel = ground(_DESK - 2 * _MARGIN - _TEXT, width)
-    return write(panel, (12, 4), "\n".join((*_KEYS, *more)), _TEXT, TISSUE)
+    return write(panel, (12, 4), "\n".join((*_KEYS, *more)), Lettering(_TEXT, TISSUE))
 
 
 @lru_cache(maxsize=16)
@@ -143,7 +144,7 @@ def _palette(task: Task, cells: tuple[Cell, ...], chosen: Cell) -> Picture:
         _put(picture, _sample(cell), 3, top)
         at = (_PALETTE + 11, top + _PALETTE / 2)
         label = f"{index + 1}  {task.cell_label(cell)}"
-        picture = write(picture, at, label, _TEXT, WHITE, "lm")
+        picture = write(picture, at, label, Lettering(_TEXT, anchor="lm"))
     return picture
 
 
@@ -160,7 +161,7 @@ def _sensors(picture: Picture, session: PlaySession, left: int, top: int) -> Pic
     """A bar for each sensor, in row order; as many as there is room for."""
     values = session.yours.scene.sensor_values
     body = session.yours.scene.body
-    picture = write(picture, (left, top), "your sensors", _TEXT, WHITE)
+    picture = write(picture, (left, top), "your sensors", Lettering(_TEXT))
     room = (_EDITOR - 24) // 18
     places = np.argwhere(sensor_mask(body))
     for index, (row, column) in enumerate(places[: room - (len(places) > room)]):
@@ -170,11 +171,11 @@ def _sensors(picture: Picture, session: PlaySession, left: int, top: int) -> Pic
         picture[y : y + 12, left : left + _BARS] = SENSOR_BASE
         picture[y : y + 12, left : left + round(_BARS * value)] = color
         at = (left + _BARS + 8, y + 6)
-        picture = write(picture, at, f"{value:.2f}", _TEXT - 2, WHITE, "lm")
+        picture = write(picture, at, f"{value:.2f}", Lettering(_TEXT - 2, anchor="lm"))
     if len(places) > room:
         y = top + 24 + 18 * (room - 1)
         text = f"and {len(places) - room + 1} more"
-        picture = write(picture, (left, y), text, _TEXT - 2, TISSUE)
+        picture = write(picture, (left, y), text, Lettering(_TEXT - 2, TISSUE))
     return picture
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -38,12 +39,21 @@ def _font(size: int) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
     return ImageFont.load_default(size)
 
 
-def write(
-    picture: Picture, at: Point, text: str, size: int, color: Color = WHITE, anchor: str = "la"
-) -> Picture:
-    """A copy of a picture with text; ``anchor`` is Pillow's."""
+@dataclass(frozen=True)
+class Lettering:
+    """Size in pixels, colour and anchor of a text; the anchor is Pillow's, the upper left one."""
+
+    size: int
+    color: Color = WHITE
+    anchor: str = "la"
+
+
+def write(picture: Picture, at: Point, text: str, look: Lettering) -> Picture:
+    """A copy of a picture with text."""
     image = Image.fromarray(picture)
-    ImageDraw.Draw(image).multiline_text(at, text, fill=color, font=_font(size), anchor=anchor)
+    ImageDraw.Draw(image).multiline_text(
+        at, text, fill=look.color, font=_font(look.size), anchor=look.anchor
+    )
     return np.array(image)
 
 
@@ -69,7 +79,7 @@ def strip(
         picture[:side, left : left + side] = draw_body(body, side)
     for index, caption in enumerate(captions):
         middle = index * (side + _GAP) + side / 2
-        picture = write(picture, (middle, side + text / 2), caption, text, anchor="ma")
+        picture = write(picture, (middle, side + text / 2), caption, Lettering(text, anchor="ma"))
     return picture
 
 
@@ -101,6 +111,6 @@ def heatmaps(
         picture[top + wheels * pixels, left : left + sensors * pixels] = BORDER
     for index in range(panels):
         at = (float(index % columns * width), float(index // columns * height + 2))
-        picture = write(picture, at, f"{grid.cells[index]} cells", text)
+        picture = write(picture, at, f"{grid.cells[index]} cells", Lettering(text))
     label = f"fitness {low:.3f} (dark) to {high:.3f} (yellow);  x: sensors, y: wheels"
-    return write(picture, (2.0, picture.shape[0] - 1.5 * text), label, text)
+    return write(picture, (2.0, picture.shape[0] - 1.5 * text), label, Lettering(text))

@@ -12,6 +12,7 @@ from ncrs.runs.champion import load_champion_file
 from ncrs.runs.elites import load_archive
 from ncrs.runs.metrics import read_metrics
 from ncrs.viz.figures_curves import fitness_plot
+from ncrs.viz.options import FigureOptions
 from ncrs.viz.runs import VizError, find_runs, group_runs
 
 
@@ -96,7 +97,7 @@ def test_evaluations_can_be_the_axis(sweep):
     plot = fitness_plot(group_runs(find_runs([sweep / "0"])), "evaluations")
     assert [row[2] for row in plot.rows] == [16.0, 32.0]
     with pytest.raises(VizError, match="must be one of"):
-        fitness_plot([], "hours")
+        FigureOptions(axis="hours")
 
 
 def test_a_run_is_found_once(sweep):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ncrs.viz.archive_grid import archive_grid
-from ncrs.viz.stills import heatmaps, ramp, strip, write
+from ncrs.viz.stills import Lettering, heatmaps, ramp, strip, write
 from ncrs_envs.body import parse_body
 from ncrs_envs.canvas import GRID, GROUND, SIGNED
 
@@ -52,5 +52,5 @@ def test_a_strip_has_a_place_for_every_body():
 
 def test_text_is_written_on_a_copy():
     blank = np.zeros((20, 40, 3), dtype=np.uint8)
-    assert write(blank, (2, 2), "text", 12).max() > 200
+    assert write(blank, (2, 2), "text", Lettering(12)).max() > 200
     assert blank.max() == 0
