@@ -65,7 +65,7 @@ class NCALayout:
 
     @property
     def channel_purposes(self) -> tuple[Cell | str, ...]:
-        """What each channel is for: a part's cell type, or a name; the same across tasks."""
+        """Purpose of each channel, the same across tasks: a part's cell type, or a name."""
         hidden = (f"hidden {index + 1}" for index in range(HIDDEN_CHANNELS))
         return ("body", "control flag", *self.task.part_cells, *hidden, "input/output")
 

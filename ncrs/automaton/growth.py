@@ -44,10 +44,10 @@ def grow(
     0.1; cells that are not alive become all zeros. There are ``5 (n - n//2 - 1)`` steps.
 
     Args:
-        nca: one NCA, or a population of P.
-        grid_size: side n of the grid, at least 3.
-        history: also return the state after every step.
-        seed: of stochastic firing and state noise, where the NCA has them.
+        nca: One NCA, or a population of P.
+        grid_size: Side n of the grid, at least 3.
+        history: Also return the state after every step.
+        seed: Seed for stochastic firing and state noise, where the NCA has them.
 
     Returns:
         The body, int8 ``(n, n)``, or ``(P, n, n)`` for a population; with ``history`` also the
@@ -90,8 +90,8 @@ def record_growth(nca: Automaton, grid_size: int = DEFAULT_GRID_SIZE) -> Growth:
     """Grow a body, or one per genome of a population, and keep every step.
 
     Args:
-        nca: one NCA, or a population of P.
-        grid_size: side n of the grid, at least 3.
+        nca: One NCA, or a population of P.
+        grid_size: Side n of the grid, at least 3.
     """
     with one_torch_thread():
         _, grown = grow(nca, grid_size, history=True)

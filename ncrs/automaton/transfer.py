@@ -24,9 +24,9 @@ def transferred(genome: Any, source: NCALayout, target: NCALayout) -> NDArray[np
     needs: body and behaviour may be others.
 
     Args:
-        genome: real numbers, ``(num_parameters of source,)``.
-        source: of the genome.
-        target: of the task to search in.
+        genome: Real numbers, ``(num_parameters of source,)``.
+        source: Layout of the genome's task.
+        target: Layout of the task to search in.
 
     Raises:
         GenomeError: the genome does not fit ``source``.

@@ -22,7 +22,7 @@ else:
 
 
 def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
-    """Declare how to say which robot is meant."""
+    """Declare the arguments that choose a robot."""
     parser.add_argument(
         "robot",
         type=Path,
@@ -53,7 +53,7 @@ def add_seed_argument(parser: argparse.ArgumentParser, default: int = 0) -> None
 
 
 def given_robot(options: argparse.Namespace) -> EvolvedRobot:
-    """The robot that the arguments say."""
+    """Load the robot that the arguments choose."""
     from ncrs.runs.sources import load_robot
 
     return load_robot(
@@ -83,13 +83,13 @@ def output_folder(source: Path) -> Path:
 
 
 def print_saved(paths: list[Path]) -> None:
-    """Say where files are."""
+    """Print the paths of files that were written."""
     for path in paths:
         print(f"Saved {path}")
 
 
 def describe(robot: EvolvedRobot) -> str:
-    """Which robot it is, in a line."""
+    """The task and the name of a robot, in a line."""
     return f"{robot.task.name}, {robot.title}"
 
 

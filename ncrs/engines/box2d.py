@@ -53,9 +53,9 @@ def drive(
     """Drive one robot through its episodes, all in step.
 
     Args:
-        nca: the robot's automaton.
+        nca: Automaton of the robot.
         episodes: E episodes of one robot, at their start.
-        record: called at every moment; None for no recording.
+        record: Called at every moment; None for no recording.
 
     Returns:
         Mean reward of each episode, ``(E,)``; NaN where the automaton's state has become

@@ -30,7 +30,7 @@ PAGE_FILE = "index.html"
 DATA_FOLDER = "data"
 OVERVIEW_FILE = f"{DATA_FOLDER}/overview.js"
 ALL, CHAMPION = "all", "champion"
-"""Which robots to record."""
+"""Choices of robots to record."""
 CHUNK = 20
 """Robots in one data file: few enough to load at a click, enough to keep the files few."""
 _BATCH = 12 * CHUNK
@@ -73,7 +73,7 @@ class ReportOptions:
 
 @dataclass(frozen=True)
 class Report:
-    """What was written."""
+    """A report that was written."""
 
     page: Path
     """The file to open."""
@@ -164,7 +164,7 @@ def _check_target(target: Path) -> None:
 
 
 def _limits(settings: TaskSettings) -> dict[str, float]:
-    """The largest magnitudes of what is rounded to integers; see ``quantize``."""
+    """Maximum magnitudes of what is rounded to integers; see ``quantize``."""
     reach = WALL_EXTENT * playfield(settings.grid_size) + MAX_TRANSLATION * MAX_EPISODE_STEPS
     return {"position": reach, "angle": float(np.pi), "state": STATE_LIMIT, "unit": 1.0}
 

@@ -63,7 +63,7 @@ def _curve(points: Mapping[int, float]) -> Curve:
 def _from_events(run_dir: Path) -> dict[str, Curve]:
     from tensorboard.backend.event_processing import event_accumulator as events
 
-    # 0 keeps all; of what is not a number, one is the least that can be kept.
+    # 0 keeps all; of what is not a number, the minimum is to keep one.
     sizes = dict.fromkeys(events.DEFAULT_SIZE_GUIDANCE, 1) | {events.SCALARS: 0}
     accumulator = events.EventAccumulator(str(run_dir), size_guidance=sizes)
     accumulator.Reload()

@@ -1,4 +1,4 @@
-"""What a report says of the run as a whole, and the table of its robots."""
+"""A report's summary of the run as a whole, and the table of its robots."""
 
 from __future__ import annotations
 

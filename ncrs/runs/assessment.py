@@ -25,13 +25,13 @@ _STREAM = 3
 
 @dataclass(frozen=True)
 class Proportion:
-    """How often something happened."""
+    """Number and fraction of episodes in which something happened."""
 
     count: int
     episodes: int
     fraction: float
     interval: tuple[float, float]
-    """95 % Wilson interval of the share."""
+    """95 % Wilson interval of the fraction."""
 
     @classmethod
     def of(cls, count: int, episodes: int) -> Proportion:
@@ -39,14 +39,15 @@ class Proportion:
         return cls(count, episodes, count / episodes, wilson_interval(count, episodes))
 
     def percentages(self) -> tuple[str, str, str]:
-        """The share and the ends of its interval, as precisely as the episodes allow."""
+        """The fraction and the ends of its interval, as precisely as the episodes allow."""
         digits = 0 if self.episodes < _EPISODES_OF_A_DECIMAL else 1
-        share, low, high = (f"{value:.{digits}%}" for value in (self.fraction, *self.interval))
-        return share, low, high
+        fraction, low, high = (f"{value:.{digits}%}" for value in (self.fraction, *self.interval))
+        return fraction, low, high
 
     def __str__(self) -> str:
-        share, low, high = self.percentages()
-        return f"{self.count} of {self.episodes} episodes ({share}; 95 % interval {low} to {high})"
+        fraction, low, high = self.percentages()
+        interval = f"95 % interval {low} to {high}"
+        return f"{self.count} of {self.episodes} episodes ({fraction}; {interval})"
 
 
 @dataclass(frozen=True)
@@ -65,11 +66,11 @@ class Assessment:
     """Rows of characters."""
 
     def as_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
+        """The result as JSON can hold it."""
         return asdict(self)
 
     def lines(self) -> list[str]:
-        """For people."""
+        """The result in lines for people."""
         lines = [
             f"fitness  {self.fitness:.4f} +- {self.fitness_standard_error:.4f} (standard error)",
             f"success  {self.success}",
@@ -90,11 +91,11 @@ def assess(
     """Run a robot on fresh episodes, in scenarios that no training run has seen.
 
     Args:
-        robot: its genome is grown again, for its task.
-        episodes: number of episodes, at least 1.
-        seed: decides the scenarios.
-        engine: as for ``evaluate``.
-        workers: as for ``evaluate``; one genome keeps one worker busy.
+        robot: Robot whose genome is grown again for its task.
+        episodes: Number of episodes, at least 1.
+        seed: Seed for sampling the scenarios.
+        engine: Name of an engine, as for ``evaluate``.
+        workers: Number of processes or threads; one genome keeps one busy.
 
     Raises:
         ScenarioError: ``episodes`` is not a positive integer.

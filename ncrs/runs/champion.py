@@ -26,7 +26,7 @@ class Champion(EvolvedRobot):
 
     @property
     def title(self) -> str:
-        """Which robot it is, for people."""
+        """Name of the robot for people."""
         return self.name or f"champion of generation {self.generation}"
 
     def state(self) -> dict[str, Any]:

@@ -55,11 +55,11 @@ class Elite(EvolvedRobot):
     episodes: int
     """Number of its scenarios."""
     sampling: ScenarioSampling = PLAIN_SAMPLING
-    """How they were drawn."""
+    """The way in which they were drawn."""
 
     @property
     def title(self) -> str:
-        """Which robot it is, for people."""
+        """Name of the robot for people."""
         return f"elite with measures {self.measures}"
 
     @property
@@ -91,7 +91,7 @@ class EliteArchive:
     episodes: int
     """Scenarios behind each elite's fitness."""
     sampling: ScenarioSampling = PLAIN_SAMPLING
-    """How they were drawn."""
+    """The way in which they were drawn."""
 
     def elite(self, measures: Sequence[int]) -> Elite:
         """The elite with these measures: sensors, wheels, cells.
@@ -130,8 +130,8 @@ class EliteArchive:
         reason = (
             "is empty"
             if possible
-            else f"cannot be: at least {space.min_sensors} sensors and {space.min_wheels} wheels, "
-            f"and sensors + wheels <= cells <= {space.max_cells}"
+            else f"is impossible: at least {space.min_sensors} sensors and {space.min_wheels} "
+            f"wheels, and sensors + wheels <= cells <= {space.max_cells}"
         )
         order = np.argsort(np.abs(filled - triple).sum(axis=1), kind="stable")
         nearest = [tuple(row) for row in filled[order[:_NEAREST]].tolist()]
@@ -187,8 +187,8 @@ def load_elite(path: str | Path, measures: Sequence[int]) -> Elite:
     """Load one elite: its NCA, body, genome, task and fitness.
 
     Args:
-        path: a run's folder, or an archive's file.
-        measures: number of sensors of all types, of wheels, and of occupied cells.
+        path: Folder of a run, or an archive's file.
+        measures: Number of sensors of all types, of wheels, and of occupied cells.
 
     Raises:
         EliteError: there is no such elite; the message names the nearest that there are.

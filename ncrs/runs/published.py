@@ -39,7 +39,7 @@ def file_stem(name: str) -> str:
 
 
 def champions_folder() -> Path:
-    """Where the champions' files are: in the checkout, or where the package was installed.
+    """Folder of the champions' files: in the checkout, or among the installed data.
 
     Raises:
         ChampionError: neither has any: the installation is not whole.
@@ -73,7 +73,7 @@ def load_champion(name: str) -> PublishedChampion:
     """Load a champion that comes with the package.
 
     Args:
-        name: task and recipe, such as "light_chase/best"; ``champions()`` lists all.
+        name: Task and recipe, such as "light_chase/best"; ``champions()`` lists all.
 
     Returns:
         Its ``nca``, ``body``, ``genome``, ``task``, and the ``card`` with its tests.

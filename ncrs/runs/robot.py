@@ -57,5 +57,5 @@ class EvolvedRobot:
 
     @property
     def title(self) -> str:
-        """Which robot it is, for people."""
+        """Name of the robot for people."""
         return self.name or "robot"

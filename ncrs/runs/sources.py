@@ -35,12 +35,12 @@ def load_robot(
     """Load a champion, an elite, or a genome, which is grown.
 
     Args:
-        source: a run's folder, a champion's file, an archive's file (with ``measures``), or a
+        source: Folder of a run, a champion's file, an archive's file (with ``measures``), or a
             genome as ``.npy`` (with ``task``); or, if there is no such path, the name of a
             published champion.
-        measures: sensors, wheels and cells of an elite, instead of the champion.
-        task: what a genome is for; the other sources say it themselves.
-        grid_size: side of a genome's body; None for the usual one.
+        measures: Sensors, wheels and cells of an elite, instead of the champion.
+        task: Task of a genome; the other sources say theirs.
+        grid_size: Side of a genome's body; None for the usual one.
 
     Raises:
         SourceError: no such path or name, a run without a champion, or options that the source

@@ -68,7 +68,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
 
 
 def histogram_plot(groups: Sequence[Group]) -> Plot | None:
-    """How many elites have which fitness: one panel per task, one line per method, mean of runs."""
+    """Histogram of the elites' fitness: a panel per task, a line per method, mean of runs."""
     found = {
         group.name: [
             archive.archive.column("fitness")

@@ -33,7 +33,7 @@ def fitness_plot(groups: Sequence[Group], axis: str) -> Plot | None:
     """One panel per task, one line per method; None if no run has a table of its curves.
 
     Args:
-        groups: what to compare.
+        groups: Groups to compare.
         axis: One of ``AXES``: "evaluations" is fair where methods' populations differ.
     """
     curves = {group.name: fitness_curves(group, axis) for group in groups}

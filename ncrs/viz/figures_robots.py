@@ -96,7 +96,7 @@ def channels_plot(robot: EvolvedRobot, name: str, seed: int) -> Plot:
 
 
 def positions_plot(robot: EvolvedRobot, name: str, episodes: int, seed: int) -> Plot:
-    """Where a robot stands at the end of several episodes, how it got there, and its goals."""
+    """Positions at the end of several episodes, the paths there, and the goals."""
     recordings = record_episodes(robot, episodes, seed)
     figure = Figure(figsize=(COLUMN, COLUMN + 0.45))
     panel = figure.subplots()

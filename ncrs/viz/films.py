@@ -21,7 +21,7 @@ from ncrs_envs.rendering import draw_body, draw_scene
 
 FPS = 25
 _GROWTH_SECONDS = 0.4
-"""How long each step of growth is shown."""
+"""Time for which each step of growth is shown."""
 _PAUSE_SECONDS = 1.0
 _CHANNEL_COLUMNS = 5
 _CHANNEL_LIMIT = 2.0
@@ -30,7 +30,7 @@ _CHANNEL_LIMIT = 2.0
 
 @dataclass(frozen=True)
 class FilmSize:
-    """Where things are, in pixels; all even, as video encoders need."""
+    """Positions in a frame, in pixels; all even, as video encoders need."""
 
     height: int
 

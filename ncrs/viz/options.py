@@ -14,7 +14,7 @@ MAX_SPEED = 4.0
 AXES: Mapping[str, str] = MappingProxyType(
     {"generation": "generation", "evaluations": "progress/evaluations"}
 )
-"""What fitness can be plotted over, with its column in the table of metrics."""
+"""Names of the axes that fitness can be plotted over, with their columns in the metrics."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class FigureOptions:
     """
 
     axis: str = "generation"
-    """What fitness is plotted over: one of ``AXES``."""
+    """Axis that fitness is plotted over: one of ``AXES``."""
     episodes: int = 12
     """Number of episodes whose last positions are shown."""
     seed: int = 0

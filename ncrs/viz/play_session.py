@@ -1,4 +1,4 @@
-"""What playing is, without a window: your robot, an evolved one beside it, one scenario."""
+"""The game without a window: your robot, an evolved one beside it, one scenario."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ class Lane:
     """One robot's own copy of the world, on Box2D.
 
     Args:
-        task: task and settings.
-        body: a body that the task can use.
-        controller: drives it; None if you do.
+        task: Task and settings.
+        body: Body that the task can use.
+        controller: Controller that drives it; None if you do.
     """
 
     def __init__(self, task: TaskSettings, body: BodyGrid, controller: Controller | None) -> None:
@@ -79,7 +79,7 @@ class Lane:
 
     @property
     def scene(self) -> Scene:
-        """What there is to see."""
+        """The current scene."""
         scene: Scene = self._env.scene
         return scene
 
@@ -99,11 +99,11 @@ class PlaySession:
     Time stands still until you drive; editing your body starts the episode again.
 
     Args:
-        task: task and settings.
-        body: yours to begin with.
-        rival: an evolved robot for the same task, or None.
-        seed: of the scenarios.
-        endless: whether you may drive on after the task's 100 steps.
+        task: Task and settings.
+        body: Your body to begin with.
+        rival: Evolved robot for the same task, or None.
+        seed: Seed for sampling the scenarios.
+        endless: Let the episode continue after the task's 100 steps.
 
     Raises:
         BodyError: a body that the task cannot use.
@@ -123,7 +123,7 @@ class PlaySession:
         self.body = parse_body(body, self._settings.grid_size)
         self.rival_body = None if rival is None else rival.body
         self.problem: str | None = None
-        """Why your body cannot drive; None if it can."""
+        """Reason why your body cannot drive; None if it can."""
         self.yours = Lane(task, self.body, None)
         self.rivals: Lane | None = None
         if rival is not None:
@@ -145,7 +145,7 @@ class PlaySession:
 
     @property
     def finished(self) -> bool:
-        """Whether the episode is over for you."""
+        """True if the episode is over for you."""
         return not self._endless and self.yours.steps >= MAX_EPISODE_STEPS
 
     def restart(self) -> None:
@@ -157,7 +157,7 @@ class PlaySession:
         self.started = False
 
     def next_scenario(self) -> None:
-        """Go on with another scenario; regions take turns."""
+        """Take another scenario; regions take turns."""
         self._number += 1
         self.restart()
 

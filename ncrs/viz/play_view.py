@@ -1,4 +1,4 @@
-"""How playing looks: the arenas above; below the editor, the palette, sensors, and the keys."""
+"""The picture of the game: arenas above; below editor, palette, sensors, and keys."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _RIVAL_KEYS = ("B   take over the evolved body",)
 
 @dataclass(frozen=True)
 class Layout:
-    """Where things are, in pixels from the upper left."""
+    """Positions in the window, in pixels from the upper left."""
 
     grid_size: int
     arenas: int
@@ -85,10 +85,10 @@ def draw_play(session: PlaySession, chosen: Cell, speed: float, rival_title: str
     """The whole window, uint8 RGB.
 
     Args:
-        session: what to show.
-        chosen: the palette's choice.
-        speed: shown as it is; 1 is real time.
-        rival_title: over the evolved robot.
+        session: Session to show.
+        chosen: Cell type chosen in the palette.
+        speed: Multiple of real time, shown as it is.
+        rival_title: Title over the evolved robot.
     """
     layout = layout_of(session)
     width, height = layout.size

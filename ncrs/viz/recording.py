@@ -22,7 +22,7 @@ class Recording:
     """One episode, T steps."""
 
     scenes: Sequence[Scene]
-    """What there was to see: the start, then after every step; T + 1 of them."""
+    """Scenes at the start and after every step; T + 1 of them."""
     states: NDArray[np.float32]
     """NCA states at the same times, ``(T + 1, n, n, C)``."""
     rewards: NDArray[np.float64]
@@ -33,7 +33,7 @@ class Recording:
 
     @property
     def success(self) -> bool:
-        """Whether the task was ever solved."""
+        """True if the task was ever solved."""
         return self.scenes[-1].success
 
 

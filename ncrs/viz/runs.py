@@ -17,7 +17,7 @@ from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import TASKS
 
 _SWEEP_DEPTHS = ("*/", "*/*/")
-"""Where runs lie in the folder of a sweep, or of several sweeps."""
+"""Patterns of runs in the folder of a sweep, or of several sweeps."""
 
 
 class VizError(NCRSError, ValueError):

@@ -68,9 +68,9 @@ def strip(
     """Bodies side by side, each with a caption below.
 
     Args:
-        bodies: at least one.
-        captions: one for each.
-        side: of a body in pixels.
+        bodies: Cell codes of at least one body.
+        captions: Caption of each body.
+        side: Side of a body in pixels.
     """
     text = max(10, side // 8)
     picture = ground(side + 3 * text, len(bodies) * (side + _GAP) - _GAP)
@@ -89,10 +89,11 @@ def heatmaps(
     """All panels of an archive: sensors to the right, wheels upwards, the number of cells above.
 
     Args:
-        grid: the panels.
-        low, high: ends of the colour scale.
-        columns: panels in a row.
-        pixels: side of a cell of a panel.
+        grid: Panels.
+        low: Value at the lower end of the colour scale.
+        high: Value at its upper end.
+        columns: Number of panels in a row.
+        pixels: Side of a cell of a panel.
     """
     panels, sensors, wheels = grid.values.shape
     text = 12

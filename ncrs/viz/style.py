@@ -1,4 +1,4 @@
-"""How figures look, and how they are saved: PNG, SVG, and the data behind them as CSV."""
+"""Style of figures, and their files: PNG, SVG, and the data behind them as CSV."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def test_an_elite_and_a_genome_are_robots_too(sweep, tmp_path, robot):
         (["{tmp}/none"], "does not exist"),
         (["{tmp}"], "holds no run"),
         (["{tmp}/young"], "has no champion yet"),
-        (["{run}", "--measures", "9", "9", "9"], "cannot be: at least"),
+        (["{run}", "--measures", "9", "9", "9"], "is impossible: at least"),
         (["{run}", "--task", "obstacle"], "says its own"),
         (["{tmp}/genome.npy"], "say what it is for"),
         (["{tmp}/genome.npy", "--task", "carry_ball"], "has 4873 weights"),

@@ -5,8 +5,8 @@
 (() => {
   const scale = (name) => NCRSReport.overview.world.scales[name];
 
-  function between(stops, share) {
-    const at = Math.min(Math.max(share, 0), 1) * (stops.length - 1);
+  function between(stops, fraction) {
+    const at = Math.min(Math.max(fraction, 0), 1) * (stops.length - 1);
     const low = Math.min(Math.floor(at), stops.length - 2);
     const rgb = stops[low].map((value, i) => Math.round(value + (stops[low + 1][i] - value) * (at - low)));
     return `rgb(${rgb.join(", ")})`;
