@@ -81,7 +81,7 @@ def training_of(run: Path) -> Training:
     if start is None:
         before = Training([], 0, 0, 0)
     elif not Path(start).exists() and start in champions():
-        card = load_champion(start).card or {}
+        card = load_champion(start).card
         before = Training(**{field.name: card[field.name] for field in fields(Training)})
     else:
         before = training_of(_folder(start))
@@ -181,7 +181,7 @@ def table() -> None:
     print(f"|---|{_RULE}")
     for name in champions():
         champion = load_champion(name)
-        evaluations = (champion.card or {})["evaluations"]
+        evaluations = champion.card["evaluations"]
         print(f"| `{name}` | {evaluations:,} | {cells_of(champion)}", flush=True)
 
 
@@ -206,7 +206,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     either = parser.add_mutually_exclusive_group()
     either.add_argument("--collect", nargs=2, metavar=("RUN", "NAME"))
-    either.add_argument("--episodes", nargs="+", type=Path, metavar="RUN")
+    either.add_argument("--runs", nargs="+", type=Path, metavar="RUN")
     options = parser.parse_args()
     if options.runs is not None:
         table_of_runs(options.runs)

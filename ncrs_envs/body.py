@@ -29,6 +29,11 @@ class Cell(IntEnum):
     """Senses the target area (CarryBall only)."""
     WHEEL = 4
 
+    @property
+    def label(self) -> str:
+        """Name for people, such as "light sensor"; ``Task.cell_label`` knows the task too."""
+        return self.name.lower().replace("_", " ")
+
 
 CELL_SIZE = 2.0
 """Side of a cell, in length units."""

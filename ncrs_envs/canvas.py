@@ -35,6 +35,16 @@ CELL_EDGE: Color = (44, 49, 58)
 SENSOR_BASE: Color = (58, 64, 75)
 WHEEL_BASE: Color = (10, 11, 14)
 
+AMOUNTS: Sequence[Color] = (
+    (68, 1, 84), (71, 45, 123), (59, 82, 139), (44, 114, 142), (33, 145, 140),
+    (40, 174, 128), (94, 201, 98), (173, 220, 48), (253, 231, 37),
+)  # fmt: skip
+"""Scale of amounts, at equal steps: viridis, even in lightness, safe for the colour-blind."""
+SIGNED: Sequence[Color] = (
+    (8, 64, 129), (67, 147, 195), (247, 247, 247), (241, 150, 70), (127, 59, 8),
+)  # fmt: skip
+"""Scale of what may be negative: blue, white at zero, orange."""
+
 _MOST_SAMPLES = 3
 _LARGEST_SURFACE = 4096
 

@@ -28,7 +28,6 @@ from ncrs_envs.scenario import (
     ScenarioError,
     check_region,
     sample_scenario,
-    wall_quads,
 )
 from ncrs_envs.tasks import (
     CARRY_BALL,
@@ -37,7 +36,6 @@ from ncrs_envs.tasks import (
     Task,
     TaskSettings,
     default_body,
-    playfield,
 )
 
 if TYPE_CHECKING:
@@ -200,21 +198,7 @@ class RobotEnv(_BaseEnv):
         """What there is to draw now. Raises ``ResetNeeded`` before the first reset."""
         if self._episode is None:
             raise ResetNeeded("Call reset() before render(): there is nothing to show yet.")
-        episode = self._episode
-        return Scene(
-            extent=playfield(self.settings.grid_size),
-            body=episode.robot.body,
-            pose=episode.pose,
-            sensor_values=episode.observation,
-            action=self._action,
-            light=episode.scenario.light,
-            ball=episode.ball,
-            target=episode.scenario.target,
-            wall_quads=wall_quads(episode.scenario, self.settings.grid_size),
-            path=np.array(self._path),
-            success=episode.success,
-            success_radius=self.settings.radius,
-        )
+        return self._episode.scene(self._action, self._path)
 
     def render(self) -> NDArray[np.uint8] | None:
         """An RGB frame ``(render_size, render_size, 3)``, or None after showing it in a window."""

@@ -6,6 +6,7 @@ The Gymnasium environments and the ``box2d`` engine both step this class.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 from ncrs_envs.body import BodyGrid, Cell, cell_centers, sensor_mask
 from ncrs_envs.box2d_world import Pose, RobotWorld
 from ncrs_envs.physics import WheelModel, wheel_model
-from ncrs_envs.scenario import Point, Scenario
+from ncrs_envs.rendering import Scene
+from ncrs_envs.scenario import Point, Scenario, wall_quads
 from ncrs_envs.tasks import TaskSettings, distance_score, playfield
 
 
@@ -69,6 +71,28 @@ class Episode:
         self.crossed = self.crossed or self.pose[1] > 0.0
         scores = [distance_score(d, self._extent, self.settings.distance_score) for d in distances]
         return sum(scores) / len(scores)
+
+    def scene(self, action: NDArray[np.float32], path: Sequence[Point]) -> Scene:
+        """What there is to draw now.
+
+        Args:
+            action: gas per cell that led here, shape ``(n, n)``; zeros at the start.
+            path: robot centres so far, oldest first.
+        """
+        return Scene(
+            extent=self._extent,
+            body=self.robot.body,
+            pose=self.pose,
+            sensor_values=self.observation,
+            action=action,
+            light=self.scenario.light,
+            ball=self.ball,
+            target=self.scenario.target,
+            wall_quads=wall_quads(self.scenario, self.settings.grid_size),
+            path=np.array(path),
+            success=self.success,
+            success_radius=self.settings.radius,
+        )
 
     @property
     def distances(self) -> tuple[float, ...]:

@@ -65,6 +65,15 @@ class Task:
     has_walls: bool = False
 
     @property
+    def title(self) -> str:
+        """Name for people, and in the names of its classes: "LightChase" for "light_chase"."""
+        return self.name.title().replace("_", "")
+
+    def cell_label(self, cell: Cell) -> str:
+        """Name of a cell type for people; where there is a ball, light sensors sense that."""
+        return "ball sensor" if self.has_ball and cell is Cell.LIGHT_SENSOR else cell.label
+
+    @property
     def part_cells(self) -> tuple[Cell, ...]:
         """Cell types that this task's bodies are made of, in the order of the NCA's channels."""
         if self.has_ball:
@@ -113,7 +122,7 @@ class Task:
         for cell, needed in self.required_parts:
             found = int((body == cell).sum())
             if found < needed:
-                name = cell.name.lower().replace("_", " ")
+                name = self.cell_label(cell)
                 lacking.append(
                     f"{needed} {name}{'s' if needed > 1 else ''} (code {int(cell)}), has {found}"
                 )
@@ -124,7 +133,7 @@ class Task:
         foreign = sorted(set(np.unique(body).tolist()) - {0, *map(int, self.part_cells)})
         if foreign:
             raise BodyError(
-                f"A body for {self.name} cannot hold {Cell(foreign[0]).name.lower()} cells "
+                f"A body for {self.name} cannot hold {Cell(foreign[0]).label} cells "
                 f"(code {foreign[0]}, found {int((body == foreign[0]).sum())}); use codes "
                 f"{[0, *map(int, self.part_cells)]}."
             )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs_envs.body import Cell
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import Task, get_task
 
@@ -61,6 +62,20 @@ class NCALayout:
     def channels(self) -> int:
         """Number of channels: 12, or 13 for CarryBall."""
         return FIRST_PART_CHANNEL + len(self.task.part_cells) + HIDDEN_CHANNELS + 1
+
+    @property
+    def channel_purposes(self) -> tuple[Cell | str, ...]:
+        """Purpose of each channel, the same across tasks: a part's cell type, or a name."""
+        hidden = (f"hidden {index + 1}" for index in range(HIDDEN_CHANNELS))
+        return ("body", "control flag", *self.task.part_cells, *hidden, "input/output")
+
+    @property
+    def channel_names(self) -> list[str]:
+        """A name for people for each channel, in order."""
+        return [
+            self.task.cell_label(purpose) if isinstance(purpose, Cell) else purpose
+            for purpose in self.channel_purposes
+        ]
 
     @property
     def parameter_shapes(self) -> tuple[tuple[int, ...], ...]:

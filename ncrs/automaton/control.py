@@ -44,7 +44,7 @@ class Controller:
         nca: one NCA, or a population of P.
         bodies: cell codes; ``(n, n)`` or any leading axes ``(..., n, n)`` for one NCA, and
             ``(P, n, n)`` or ``(P, ..., n, n)`` for a population, a genome per row.
-        seed: of stochastic firing and state noise, where the NCA has them.
+        seed: Seed for stochastic firing and state noise, where the NCA has them.
 
     Raises:
         BodyError: malformed bodies, or not one row of them per genome.

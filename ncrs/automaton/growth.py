@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal, overload
 
 import numpy as np
@@ -12,6 +13,7 @@ from torch.nn import functional
 
 from ncrs.automaton.channels import ALIVE_THRESHOLD, BODY_CHANNEL, NCALayout, growth_steps
 from ncrs.automaton.nca import Automaton, NCAPopulation
+from ncrs.automaton.threads import one_torch_thread
 from ncrs_envs.body import DEFAULT_GRID_SIZE, BodyGrid, check_grid_size
 
 States = NDArray[np.float32]
@@ -42,10 +44,10 @@ def grow(
     0.1; cells that are not alive become all zeros. There are ``5 (n - n//2 - 1)`` steps.
 
     Args:
-        nca: one NCA, or a population of P.
-        grid_size: side n of the grid, at least 3.
-        history: also return the state after every step.
-        seed: of stochastic firing and state noise, where the NCA has them.
+        nca: One NCA, or a population of P.
+        grid_size: Side n of the grid, at least 3.
+        history: Also return the state after every step.
+        seed: Seed for stochastic firing and state noise, where the NCA has them.
 
     Returns:
         The body, int8 ``(n, n)``, or ``(P, n, n)`` for a population; with ``history`` also the
@@ -72,6 +74,31 @@ def grow(
         return bodies
     grown = torch.stack(states, dim=-4).squeeze(-5).movedim(-3, -1)
     return bodies, grown.cpu().numpy()
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """Growth step by step, of one robot or of P: the seed first, then the T steps."""
+
+    states: States
+    """All channels, float32 ``(T + 1, n, n, C)``, or ``(P, T + 1, n, n, C)``."""
+    bodies: BodyGrid
+    """The body that each state would be read out as, ``(T + 1, n, n)``, or with P in front."""
+
+
+def record_growth(nca: Automaton, grid_size: int = DEFAULT_GRID_SIZE) -> Growth:
+    """Grow a body, or one per genome of a population, and keep every step.
+
+    Args:
+        nca: One NCA, or a population of P.
+        grid_size: Side n of the grid, at least 3.
+    """
+    with one_torch_thread():
+        _, grown = grow(nca, grid_size, history=True)
+    seed = seed_state(nca.channels, grid_size).movedim(0, -1).numpy()
+    seeds = np.broadcast_to(seed, (*grown.shape[:-4], 1, *seed.shape))
+    states = np.concatenate([seeds, grown], axis=-4)
+    return Growth(states, read_body(torch.from_numpy(states).movedim(-1, -3), nca.layout))
 
 
 def seed_state(channels: int, grid_size: int) -> Tensor:

@@ -39,7 +39,7 @@ def _check_fraction(name: str, value: float, low: float, high: float) -> float:
 
 
 class _CellularAutomaton(nn.Module, ABC):
-    """What one automaton and a population of them share: the update around the network."""
+    """The update around the network, common to one automaton and a population of them."""
 
     def __init__(self, task: str | Task, fire_rate: float, state_noise: float) -> None:
         super().__init__()
@@ -64,7 +64,7 @@ class _CellularAutomaton(nn.Module, ABC):
 
     @property
     def device(self) -> torch.device:
-        """Where the weights are."""
+        """Device of the weights."""
         return [*self.parameters(), *self.buffers()][0].device
 
     @abstractmethod

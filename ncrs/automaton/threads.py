@@ -1,4 +1,4 @@
-"""How many threads torch uses."""
+"""Limit the number of threads that torch uses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 
 @contextmanager
 def one_torch_thread() -> Iterator[None]:
-    """Within the block torch uses one thread.
+    """Let torch use one thread within the block.
 
     The arithmetic of a genome must not depend on how many threads share it; and for a single NCA,
     threads wait for each other longer than they compute.

@@ -7,12 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.automaton.channels import (
-    HIDDEN_CHANNELS,
-    HIDDEN_UNITS,
-    KERNEL_SIZE,
-    NCALayout,
-)
+from ncrs.automaton.channels import HIDDEN_UNITS, KERNEL_SIZE, NCALayout
 
 
 def transferred(genome: Any, source: NCALayout, target: NCALayout) -> NDArray[np.float64]:
@@ -29,28 +24,23 @@ def transferred(genome: Any, source: NCALayout, target: NCALayout) -> NDArray[np
     needs: body and behaviour may be others.
 
     Args:
-        genome: real numbers, ``(num_parameters of source,)``.
-        source: of the genome.
-        target: of the task to search in.
+        genome: Real numbers, ``(num_parameters of source,)``.
+        source: Layout of the genome's task.
+        target: Layout of the task to search in.
 
     Raises:
         GenomeError: the genome does not fit ``source``.
     """
     layers = source.layers(source.check_genomes(genome).astype(np.float64))
     reading, bias1, middle, bias2, writing, bias3 = (layer[0] for layer in layers)
-    names = {name: index for index, name in enumerate(_channel_names(source))}
+    places = {purpose: index for index, purpose in enumerate(source.channel_purposes)}
     new_reading = np.zeros((HIDDEN_UNITS, target.channels, KERNEL_SIZE, KERNEL_SIZE))
     new_writing = np.zeros((target.channels, HIDDEN_UNITS, 1, 1))
     new_bias = np.zeros(target.channels)
-    for index, name in enumerate(_channel_names(target)):
-        if name in names:
-            new_reading[:, index] = reading[:, names[name]]
-            new_writing[index] = writing[names[name]]
-            new_bias[index] = bias3[names[name]]
+    for index, purpose in enumerate(target.channel_purposes):
+        if purpose in places:
+            new_reading[:, index] = reading[:, places[purpose]]
+            new_writing[index] = writing[places[purpose]]
+            new_bias[index] = bias3[places[purpose]]
     carried = (new_reading, bias1, middle, bias2, new_writing, new_bias)
     return np.concatenate([layer.ravel() for layer in carried])
-
-
-def _channel_names(layout: NCALayout) -> list[str]:
-    parts = [cell.name for cell in layout.task.part_cells]
-    return ["body", "control", *parts, *map(str, range(HIDDEN_CHANNELS)), "input/output"]

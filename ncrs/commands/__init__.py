@@ -10,9 +10,10 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ncrs.runs.champion import Champion
-from ncrs.runs.published import champion_path, file_stem
+from ncrs.runs.published import file_stem
+from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.settings import ConfigError
+from ncrs_envs.tasks import TASKS
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -20,7 +21,47 @@ else:
     Commands = object
 
 
-ROBOT_HELP = "a run's folder, a champion's file, or the name of one, such as light_chase/best"
+def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
+    """Declare the arguments that choose a robot."""
+    parser.add_argument(
+        "robot",
+        type=Path,
+        nargs=nargs,
+        metavar="ROBOT",
+        help="a run's folder, a champion's or archive's file, a genome (.npy, with --task), or the "
+        "name of a published champion, such as light_chase/best",
+    )
+    parser.add_argument(
+        "--measures",
+        type=int,
+        nargs=3,
+        metavar=("SENSORS", "WHEELS", "CELLS"),
+        help="the elite of the archive with these measures, instead of the champion",
+    )
+    parser.add_argument("--task", choices=sorted(TASKS), help="task of a genome")
+    parser.add_argument("--grid-size", type=int, help="side of a genome's body; default: 5")
+
+
+def add_seed_argument(parser: argparse.ArgumentParser, default: int = 0) -> None:
+    """Declare the seed of fresh episodes."""
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=default,
+        help="seed for sampling the scenarios; default: %(default)s",
+    )
+
+
+def given_robot(options: argparse.Namespace) -> EvolvedRobot:
+    """Load the robot that the arguments choose."""
+    from ncrs.runs.sources import load_robot
+
+    return load_robot(
+        options.robot,
+        measures=options.measures,
+        task=options.task,
+        grid_size=options.grid_size,
+    )
 
 
 def folder_of(run: Path) -> Path:
@@ -29,9 +70,9 @@ def folder_of(run: Path) -> Path:
 
 
 def output_folder(source: Path) -> Path:
-    """Where to write what is made of a robot: into its run's folder, or beside its file; of a
-    published champion into a folder of its name, which is made here."""
-    if champion_path(source) == source:
+    """The folder for what is made of a robot: its run's, or that of its file; for a published
+    champion one of its name, which is made here."""
+    if source.exists():
         return folder_of(source)
     folder = Path(file_stem(source.as_posix()))
     try:
@@ -42,14 +83,14 @@ def output_folder(source: Path) -> Path:
 
 
 def print_saved(paths: list[Path]) -> None:
-    """Say where files are."""
+    """Print the paths of files that were written."""
     for path in paths:
         print(f"Saved {path}")
 
 
-def describe(champion: Champion) -> str:
-    """Which champion it is, in a line."""
-    return f"{champion.task.name}, champion of generation {champion.generation} ({champion.source})"
+def describe(robot: EvolvedRobot) -> str:
+    """The task and the name of a robot, in a line."""
+    return f"{robot.task.name}, {robot.title}"
 
 
 def require(package: str) -> None:

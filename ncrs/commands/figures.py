@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ncrs.commands import Commands, print_saved, require
+from ncrs.commands import Commands, add_seed_argument, print_saved, require
+from ncrs.viz.options import AXES, FigureOptions
 
+_DEFAULTS = FigureOptions()
 FOLDER = "figures"
 
 
@@ -23,14 +25,17 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument(
         "--axis",
-        choices=("generation", "evaluations"),
-        default="generation",
+        choices=tuple(AXES),
+        default=_DEFAULTS.axis,
         help="what fitness is plotted over; default: %(default)s",
     )
     parser.add_argument(
-        "--episodes", type=int, default=12, help="whose last positions are shown; default: 12"
+        "--episodes",
+        type=int,
+        default=_DEFAULTS.episodes,
+        help="episodes whose last positions are shown; default: %(default)s",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the episodes; default: 0")
+    add_seed_argument(parser, _DEFAULTS.seed)
     parser.set_defaults(action=_run)
 
 
@@ -39,12 +44,5 @@ def _run(options: argparse.Namespace) -> None:
     from ncrs.viz.figures import save_figures
 
     folder = options.runs[0] / FOLDER if options.out is None else options.out
-    print_saved(
-        save_figures(
-            options.runs,
-            folder,
-            axis=options.axis,
-            episodes=options.episodes,
-            seed=options.seed,
-        )
-    )
+    chosen = FigureOptions(options.axis, options.episodes, options.seed)
+    print_saved(save_figures(options.runs, folder, chosen))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ncrs.commands import Commands
-from ncrs.commands.film import add_robot_arguments, given_robot
+from ncrs.commands import Commands, add_robot_arguments, add_seed_argument, given_robot
 
 
 def add_parser(commands: Commands) -> None:
@@ -15,7 +14,7 @@ def add_parser(commands: Commands) -> None:
     )
     add_robot_arguments(parser, nargs="?")
     parser.add_argument("--body", help="yours to begin with, as rows: L#L/W#W/W#W")
-    parser.add_argument("--seed", type=int, default=0, help="of the scenarios; default: 0")
+    add_seed_argument(parser)
     parser.add_argument(
         "--endless", action="store_true", help="drive on after the task's 100 steps"
     )
@@ -35,11 +34,10 @@ def _run(options: argparse.Namespace) -> None:
     else:
         rival = given_robot(options)
         task = rival.task
-    settings = task
     if options.body is None:
-        body = default_body(settings.task, settings.grid_size)
+        body = default_body(task.task, task.grid_size)
     else:
-        body = parse_body(options.body.split("/"), settings.grid_size)
+        body = parse_body(options.body.split("/"), task.grid_size)
     session = PlaySession(task, body, rival, seed=options.seed, endless=options.endless)
     with PlayWindow(session, "evolved" if rival is None else rival.title) as window:
         window.run()

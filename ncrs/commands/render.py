@@ -1,31 +1,37 @@
-"""``ncrs render``: a champion's body, growth and one episode as pictures."""
+"""``ncrs render``: a robot's body, growth and episodes as pictures."""
 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from ncrs.commands import ROBOT_HELP, Commands, describe, output_folder, print_saved
-from ncrs.runs.published import load_any_champion
+from ncrs.commands import (
+    Commands,
+    add_robot_arguments,
+    add_seed_argument,
+    describe,
+    given_robot,
+    output_folder,
+    print_saved,
+)
 from ncrs.viz.pictures import DEFAULT_SIZE, save_pictures
 
 
 def add_parser(commands: Commands) -> None:
     """Declare the command."""
     parser = commands.add_parser(
-        "render", help="draw the champion's body as a PNG and an episode as an animated GIF"
+        "render", help="draw a robot's body and growth as PNGs and episodes as an animated GIF"
     )
-    parser.add_argument("run", type=Path, metavar="ROBOT", help=ROBOT_HELP)
+    add_robot_arguments(parser)
     parser.add_argument(
         "--size", type=int, default=DEFAULT_SIZE, help="side in pixels; default: %(default)s"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the episode; default: 0")
+    add_seed_argument(parser)
     parser.set_defaults(action=_run)
 
 
 def _run(options: argparse.Namespace) -> None:
-    champion = load_any_champion(options.run.as_posix())
-    folder = output_folder(options.run)
-    paths = save_pictures(champion, folder, seed=options.seed, size=options.size)
-    print(describe(champion))
+    robot = given_robot(options)
+    folder = output_folder(options.robot)
+    paths = save_pictures(robot, folder, seed=options.seed, size=options.size)
+    print(describe(robot))
     print_saved(paths)

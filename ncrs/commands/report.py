@@ -5,7 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ncrs.commands import Commands
+from ncrs.commands import Commands, add_seed_argument
+from ncrs.report import REPORT_FOLDER, ReportOptions, build_report
+from ncrs.report.build import ALL, CHAMPION
+
+_DEFAULTS = ReportOptions()
 
 
 def add_parser(commands: Commands) -> None:
@@ -15,40 +19,38 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument("run", type=Path, metavar="RUN_DIR", help="a run's folder")
     parser.add_argument(
-        "--output", type=Path, metavar="DIR", help="the page's folder; default: RUN_DIR/report"
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help=f"folder of the page; default: RUN_DIR/{REPORT_FOLDER}",
     )
     parser.add_argument(
-        "--episodes", type=int, default=2, help="recorded for every robot; default: %(default)s"
+        "--episodes",
+        type=int,
+        default=_DEFAULTS.episodes,
+        help="episodes recorded for every robot; default: %(default)s",
     )
     parser.add_argument(
         "--elites",
-        choices=("all", "champion"),
-        default="all",
-        help="whose growth, episodes and genomes to include; default: %(default)s",
+        choices=(ALL, CHAMPION),
+        default=_DEFAULTS.elites,
+        help="robots whose growth, episodes and genomes to include; default: %(default)s",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the episodes; default: 0")
+    add_seed_argument(parser, _DEFAULTS.seed)
     parser.set_defaults(action=_run)
 
 
 def _run(options: argparse.Namespace) -> None:
     from tqdm import tqdm
 
-    from ncrs.report import build_report
-
+    chosen = ReportOptions(options.episodes, options.elites, options.seed)
     with tqdm(unit="robot", desc="Recording", leave=False, delay=1.0) as bar:
 
         def progress(done: int, total: int) -> None:
             bar.total = total
             bar.update(done - bar.n)
 
-        report = build_report(
-            options.run,
-            options.output,
-            episodes=options.episodes,
-            elites=options.elites,
-            seed=options.seed,
-            progress=progress,
-        )
+        report = build_report(options.run, options.output, chosen, progress=progress)
     print(
         f"{report.robots:,} robots, {report.recorded:,} with growth and episodes, "
         f"{report.size / 1e6:.1f} MB"

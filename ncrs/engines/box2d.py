@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,30 +42,58 @@ class _GenomeResult:
     closest: NDArray[np.float64]
 
 
+Recorder = Callable[[Controller, NDArray[np.float32], NDArray[np.float64]], None]
+"""Called at the start of E episodes and after every step of them, with the controller, and the gas
+``(E, n, n)`` and the rewards ``(E,)`` of the step; zeros at the start."""
+
+
+def drive(
+    nca: NCA, episodes: Sequence[Episode], record: Recorder | None = None
+) -> NDArray[np.float64]:
+    """Drive one robot through its episodes, all in step.
+
+    Args:
+        nca: Automaton of the robot.
+        episodes: E episodes of one robot, at their start.
+        record: Called at every moment; None for no recording.
+
+    Returns:
+        Mean reward of each episode, ``(E,)``; NaN where the automaton's state has become
+        non-finite, which ends all of them.
+    """
+    bodies = np.stack([episode.robot.body for episode in episodes])
+    controller = Controller(nca, bodies)
+    total = np.zeros(len(episodes))
+    if record is not None:
+        record(controller, np.zeros(bodies.shape, dtype=np.float32), np.zeros(len(episodes)))
+    for _ in range(MAX_EPISODE_STEPS):
+        try:
+            actions = controller.act(np.stack([episode.observation for episode in episodes]))
+        except StateError as error:
+            total[list(error.robots)] = np.nan
+            break
+        rewards = np.array([e.step(a) for e, a in zip(episodes, actions, strict=True)])
+        total += rewards
+        if record is not None:
+            record(controller, actions, rewards)
+    return total / MAX_EPISODE_STEPS
+
+
 def evaluate_genome(job: _Job) -> _GenomeResult:
     """Grow one genome's robot and drive it through its scenarios, all episodes in step."""
     with one_torch_thread():
         nca = NCA(job.settings.task).set_genome(job.genome)
         body = grow(nca, job.settings.grid_size)
-        number = len(job.scenarios)
-        fitness = np.zeros(number)
         if not job.settings.task.is_valid(body):
+            number = len(job.scenarios)
             nothing = np.zeros(number, dtype=np.bool_)
             nowhere = np.full((number, job.settings.task.distances), np.inf)
-            return _GenomeResult(body, fitness, nothing, nothing, nowhere)
+            return _GenomeResult(body, np.zeros(number), nothing, nothing, nowhere)
         robot = Robot(body)
         episodes = [Episode(job.settings, robot, scenario) for scenario in job.scenarios]
-        controller = Controller(nca, np.broadcast_to(body, (number, *body.shape)))
-        for _ in range(MAX_EPISODE_STEPS):
-            try:
-                actions = controller.act(np.stack([e.observation for e in episodes]))
-            except StateError as error:
-                fitness[list(error.robots)] = np.nan
-                break
-            fitness += [e.step(a) for e, a in zip(episodes, actions, strict=True)]
         return _GenomeResult(
             body=body,
-            episode_fitness=fitness / MAX_EPISODE_STEPS,
+            episode_fitness=drive(nca, episodes),
             success=np.array([e.success for e in episodes]),
             crossed=np.array([e.crossed for e in episodes]),
             closest=np.array([e.closest for e in episodes]),

@@ -278,8 +278,8 @@ def growth_step(
 
 
 @kernel
-def seed_state(grid_size: int) -> FloatArray:
-    """The state that growth starts from: body 1 in the middle, all else zero."""
+def seed_lanes(grid_size: int) -> FloatArray:
+    """The state that growth starts from, as the kernels lay it out: body 1 in the middle cell."""
     states = np.zeros(grid_size * grid_size * GROWTH_LANES, dtype=np.float32)
     middle = grid_size // 2
     states[(middle * grid_size + middle) * GROWTH_LANES + BODY_CHANNEL] = 1.0
@@ -304,7 +304,7 @@ def grow_body(
     n = body.shape[0]
     channels = FIRST_PART_CHANNEL + part_codes.shape[0] + CHANGING_CHANNELS
     graph = link_cells(np.ones((n, n), dtype=np.int8), channels, 0)
-    states = seed_state(n)
+    states = seed_lanes(n)
     updated = np.empty_like(states)
     body[:] = _EMPTY
     for _ in range(steps):

@@ -128,10 +128,10 @@ class WorkerPool:
         """Apply a picklable function to each argument, in any order on any worker.
 
         Args:
-            function: module-level function.
-            arguments: one per job.
-            names: what to call each job in an error message.
-            should_stop: polled while waiting.
+            function: Module-level function.
+            arguments: Argument of each job.
+            names: Name of each job in error messages.
+            should_stop: Polled while waiting.
 
         Raises:
             EngineError: a worker was lost, or a job raised; the message names the job.

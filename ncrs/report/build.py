@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from ncrs.automaton.channels import STATE_LIMIT
+from ncrs.automaton.growth import record_growth
 from ncrs.automaton.nca import NCAPopulation
 from ncrs.report.curves import load_curves
 from ncrs.report.encoding import pack, quantize, write_data
-from ncrs.report.overview import charts, facts, robot_table, setting_lines, task_title, world
+from ncrs.report.overview import charts, facts, robot_table, setting_lines, world
 from ncrs.report.robots import ReportError, Robots, load_robots
 from ncrs.runs.seeds import Stream, seed_sequence
 from ncrs.runs.settings import load_config
@@ -30,8 +31,7 @@ PAGE_FILE = "index.html"
 DATA_FOLDER = "data"
 OVERVIEW_FILE = f"{DATA_FOLDER}/overview.js"
 ALL, CHAMPION = "all", "champion"
-"""Which robots to record."""
-EPISODES = 2
+"""Choices of robots to record."""
 CHUNK = 20
 """Robots in one data file: few enough to load at a click, enough to keep the files few."""
 _BATCH = 12 * CHUNK
@@ -51,8 +51,28 @@ _SCRIPTS = (
 
 
 @dataclass(frozen=True)
+class ReportOptions:
+    """Options of a report.
+
+    Raises:
+        ReportError: ``elites`` is neither "all" nor "champion".
+    """
+
+    episodes: int = 2
+    """Number of fresh episodes for every robot, in the same scenarios for all."""
+    elites: str = ALL
+    """"all" records every robot, "champion" the champion alone."""
+    seed: int = 0
+    """Seed for sampling the scenarios."""
+
+    def __post_init__(self) -> None:
+        if self.elites not in (ALL, CHAMPION):
+            raise ReportError(f"elites must be {ALL!r} or {CHAMPION!r}, got {self.elites!r}.")
+
+
+@dataclass(frozen=True)
 class Report:
-    """What was written."""
+    """A report that was written."""
 
     page: Path
     """The file to open."""
@@ -66,48 +86,42 @@ class Report:
 def build_report(
     run_dir: str | Path,
     folder: str | Path | None = None,
+    options: ReportOptions | None = None,
     *,
-    episodes: int = EPISODES,
-    elites: str = ALL,
-    seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Report:
     """Write a run's report, in place of an older one.
 
     Args:
-        run_dir: the run's folder.
-        folder: where to; by default ``report`` in the run's folder.
-        episodes: fresh episodes for every robot, in the same scenarios for all.
-        elites: "all" records every robot, "champion" the champion alone.
-        seed: of the scenarios.
-        progress: called with the number of robots recorded so far, and of all to record.
+        run_dir: Folder of the run.
+        folder: Folder of the page; by default ``report`` in the run's folder.
+        options: Robots and episodes to record; None for the defaults.
+        progress: Called with the number of robots recorded so far, and of all to record.
 
     Raises:
         ConfigError: the folder holds no run, or neither an archive nor a champion.
-        ReportError: there is no robot to show; or ``folder`` holds something else than a report;
-            or an option is unknown.
-        ScenarioError: ``episodes`` is not a positive integer.
-        SeedError: ``seed`` is not a non-negative integer.
+        ReportError: there is no robot to show; or ``folder`` holds something else than a report.
+        ScenarioError: the number of episodes is not a positive integer.
+        SeedError: the seed is not a non-negative integer.
         CheckpointError: a file of the run is damaged.
     """
     run_dir = Path(run_dir)
-    if elites not in (ALL, CHAMPION):
-        raise ReportError(f"elites must be {ALL!r} or {CHAMPION!r}, got {elites!r}.")
+    options = ReportOptions() if options is None else options
     config = load_config(run_dir)
     robots = load_robots(run_dir)
-    if elites == CHAMPION and robots.champion is None:
+    if options.elites == CHAMPION and robots.champion is None:
         raise ReportError(f"{run_dir} has no champion yet; record all elites, or train for longer.")
     target = run_dir / REPORT_FOLDER if folder is None else Path(folder)
     _check_target(target)
     settings = robots.task
     scenarios = sample_scenarios(
         settings.task,
-        seed_sequence(seed, Stream.REPORT),
-        episodes,
+        seed_sequence(options.seed, Stream.REPORT),
+        options.episodes,
         settings.grid_size,
     )
     curves = load_curves(run_dir)
-    first = robots.elites if elites == CHAMPION else 0
+    first = robots.elites if options.elites == CHAMPION else 0
     overview = {
         "run": run_dir.resolve().name,
         "world": world(settings, scenarios),
@@ -122,7 +136,7 @@ def build_report(
         (made / DATA_FOLDER).mkdir(parents=True)
         write_data(made / OVERVIEW_FILE, "overview", 0, overview)
         page = {
-            "title": f"{task_title(settings.task)}, {config.optimizer.name}",
+            "title": f"{settings.task.title}, {config.optimizer.name}",
             "run": overview["run"],
             "facts": facts(config, robots, curves),
             "settings": setting_lines(asdict(config)),
@@ -150,7 +164,7 @@ def _check_target(target: Path) -> None:
 
 
 def _limits(settings: TaskSettings) -> dict[str, float]:
-    """The largest magnitudes of what is rounded to integers; see ``quantize``."""
+    """Maximum magnitudes of what is rounded to integers; see ``quantize``."""
     reach = WALL_EXTENT * playfield(settings.grid_size) + MAX_TRANSLATION * MAX_EPISODE_STEPS
     return {"position": reach, "angle": float(np.pi), "state": STATE_LIMIT, "unit": 1.0}
 
@@ -197,7 +211,7 @@ def _record(
     robots: Robots, rows: slice, scenarios: Sequence[Scenario], settings: TaskSettings
 ) -> list[dict[str, Any]]:
     """Growth, channels and episodes of some robots, as the page reads them."""
-    from ncrs.report.episodes import record_episodes, record_growth
+    from ncrs.report.episodes import record_episodes
 
     limits = _limits(settings)
     population = NCAPopulation(robots.genomes[rows], settings.task)

@@ -23,7 +23,7 @@ def pack(array: NDArray[Any]) -> str:
 def quantize(values: NDArray[np.floating], limit: float, dtype: DTypeLike) -> NDArray[Any]:
     """Round values from -limit to limit (0 to limit if unsigned) to the integers of ``dtype``.
 
-    Values beyond the limit become the limit. The page multiplies by ``limit / largest integer``.
+    Values beyond the limit become the limit. The page multiplies by ``limit / maximum integer``.
 
     Raises:
         ValueError: a value that is not finite.
@@ -32,9 +32,9 @@ def quantize(values: NDArray[np.floating], limit: float, dtype: DTypeLike) -> ND
         raise ValueError(
             f"Cannot record {np.count_nonzero(~np.isfinite(values))} values that are not finite."
         )
-    largest = np.iinfo(dtype).max
-    least = 0 if np.issubdtype(dtype, np.unsignedinteger) else -largest
-    rounded: NDArray[Any] = np.clip(np.rint(values * (largest / limit)), least, largest)
+    high = np.iinfo(dtype).max
+    low = 0 if np.issubdtype(dtype, np.unsignedinteger) else -high
+    rounded: NDArray[Any] = np.clip(np.rint(values * (high / limit)), low, high)
     return rounded.astype(dtype)
 
 

@@ -1,4 +1,4 @@
-"""Growth and episodes of many robots, recorded step by step on the batched simulator."""
+"""Episodes of many robots, recorded step by step on the batched simulator."""
 
 from __future__ import annotations
 
@@ -7,12 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ncrs.automaton.channels import BODY_CHANNEL, CONTROL_CHANNEL, NCALayout, nca_layout
-from ncrs.automaton.growth import grow, read_body
-from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.nca_kernels import pack_genomes
 from ncrs.engines.rollout_kernels import make_workspace
 from ncrs.report.recording_kernel import make_tapes, record_population
@@ -25,16 +22,6 @@ from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 _JOBS = 16
 """Shares that robots are handed to threads in."""
-
-
-@dataclass(frozen=True)
-class Growth:
-    """How P robots grew; the first of G + 1 entries is the seed."""
-
-    bodies: NDArray[np.int8]
-    """Cell codes read out after each step, ``(P, G + 1, n, n)``."""
-    states: NDArray[np.float32]
-    """All channels, ``(P, G + 1, n, n, C)``."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +47,6 @@ class Episodes:
     def fitness(self) -> NDArray[np.float64]:
         """Mean reward over the steps, ``(P, E)``."""
         return np.asarray(self.rewards[..., 1:].mean(axis=-1))
-
-
-def record_growth(population: NCAPopulation, grid_size: int) -> Growth:
-    """Grow every robot and keep each step."""
-    _, grown = grow(population, grid_size, history=True)
-    seed = np.zeros_like(grown[:, :1])
-    seed[..., grid_size // 2, grid_size // 2, BODY_CHANNEL] = 1.0
-    states = np.concatenate([seed, grown], axis=1)
-    bodies = read_body(torch.from_numpy(states).movedim(-1, -3), population.layout)
-    return Growth(bodies, states)
 
 
 def record_episodes(

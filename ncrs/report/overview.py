@@ -1,4 +1,4 @@
-"""What a report says of the run as a whole, and the table of its robots."""
+"""A report's summary of the run as a whole, and the table of its robots."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from ncrs.automaton.channels import STATE_LIMIT, NCALayout, nca_layout
+from ncrs.automaton.channels import STATE_LIMIT, nca_layout
 from ncrs.report.curves import Curve
 from ncrs.report.robots import Robots
 from ncrs.runs.settings import TrainConfig
-from ncrs.runs.text import duration_text
+from ncrs.runs.wording import duration
 from ncrs_envs import canvas
 from ncrs_envs.body import CELL_CHARACTERS, CELL_SIZE, SENSOR_CELLS, Cell, body_to_characters
 from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, TARGET_SIDE
 from ncrs_envs.scenario import WALL_EXTENT, Scenario, wall_quads
-from ncrs_envs.tasks import MAX_EPISODE_STEPS, Task, TaskSettings, playfield
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings, playfield
 
 CHARTS: Sequence[tuple[str, Mapping[str, str]]] = (
     (
@@ -62,24 +62,6 @@ _UNIT_POINT = 2
 """Decimals of placements, in units."""
 
 
-def task_title(task: Task) -> str:
-    """A task's name for people: "LightChase" for "light_chase"."""
-    return task.name.replace("_", " ").title().replace(" ", "")
-
-
-def channel_names(layout: NCALayout) -> list[str]:
-    """A name for each channel of the NCA, in order."""
-    parts = [_cell_name(Cell(code), layout.task) for code in layout.part_codes]
-    hidden = range(layout.io_channel - layout.part_channels.stop)
-    return [
-        "body",
-        "control flag",
-        *parts,
-        *(f"hidden {index + 1}" for index in hidden),
-        "input/output",
-    ]
-
-
 def _last(curves: Mapping[str, Curve], tag: str) -> float | None:
     curve = curves.get(tag)
     return None if curve is None or not len(curve.values) else float(curve.values[-1])
@@ -88,7 +70,7 @@ def _last(curves: Mapping[str, Curve], tag: str) -> float | None:
 def facts(config: TrainConfig, robots: Robots, curves: Mapping[str, Curve]) -> dict[str, str]:
     """The run in a few lines, as names and values."""
     task = robots.task.task
-    lines = {"Task": task_title(task), "Optimizer": config.optimizer.name, "Seed": str(config.seed)}
+    lines = {"Task": task.title, "Optimizer": config.optimizer.name, "Seed": str(config.seed)}
     generations = curves.get("fitness/best")
     if generations is not None and len(generations.generations):
         lines["Generations"] = f"{generations.generations[-1] + 1:,}"
@@ -98,7 +80,7 @@ def facts(config: TrainConfig, robots: Robots, curves: Mapping[str, Curve]) -> d
             lines[name] = f"{value:,.0f}"
     seconds = sum(float(c.values.sum()) for tag, c in curves.items() if tag.startswith("time/"))
     if seconds > 0.0:
-        lines["Computing time"] = duration_text(seconds)
+        lines["Computing time"] = duration(seconds)
     if robots.elites:
         statistics = robots.archive.statistics()
         possible = len(robots.archive.space.triples)
@@ -146,7 +128,7 @@ def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, An
     task = settings.task
     return {
         "task": task.name,
-        "title": task_title(task),
+        "title": task.title,
         "gridSize": settings.grid_size,
         "extent": playfield(settings.grid_size),
         "wallExtent": WALL_EXTENT,
@@ -159,26 +141,21 @@ def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, An
         "cellSize": CELL_SIZE,
         "dt": DT,
         "steps": MAX_EPISODE_STEPS,
-        "channels": channel_names(nca_layout(task)),
+        "channels": nca_layout(task).channel_names,
         "stateLimit": STATE_LIMIT,
         "cells": {
             character: {
                 "code": int(cell),
-                "name": _cell_name(cell, task),
+                "name": task.cell_label(cell),
                 "senses": cell in SENSOR_CELLS,
                 "drives": cell is Cell.WHEEL,
             }
             for character, cell in CELL_CHARACTERS.items()
         },
         "palette": {name: f"rgb{color}" for name, color in _COLORS.items()},
+        "scales": {"amount": canvas.AMOUNTS, "signed": canvas.SIGNED},
         "scenarios": [_placements(scenario, settings.grid_size) for scenario in scenarios],
     }
-
-
-def _cell_name(cell: Cell, task: Task) -> str:
-    if cell is Cell.LIGHT_SENSOR and task.has_ball:
-        return "ball sensor"
-    return cell.name.lower().replace("_", " ")
 
 
 def _placements(scenario: Scenario, grid_size: int) -> dict[str, Any]:

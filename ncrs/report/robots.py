@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.evolution.archive import Archive
-from ncrs.runs.champion import CHAMPION_FILE, Champion, load_champion_file
-from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, load_archive, make_archive
+from ncrs.runs.champion import CHAMPION_FILE, Champion, find_champion
+from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, find_archive, make_archive
 from ncrs.runs.settings import ConfigError
-from ncrs_envs.body import body_measures
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import TaskSettings
 
@@ -64,8 +63,7 @@ def load_robots(run_dir: Path) -> Robots:
         ReportError: both are there, but no robot in them; or they are of different tasks.
         CheckpointError: a file is damaged.
     """
-    archive = load_archive(run_dir) if (run_dir / ARCHIVE_FILE).is_file() else None
-    champion = load_champion_file(run_dir) if (run_dir / CHAMPION_FILE).is_file() else None
+    archive, champion = find_archive(run_dir), find_champion(run_dir)
     if archive is None and champion is None:
         raise ConfigError(
             f"{run_dir} holds neither {ARCHIVE_FILE} nor {CHAMPION_FILE}: give the folder of a run "
@@ -103,7 +101,7 @@ def gather_robots(archive: EliteArchive | None, champion: Champion | None) -> Ro
             name: np.concatenate([column, np.asarray(last[name], dtype=column.dtype)[None]])
             for name, column in columns.items()
         }
-        measures = np.concatenate([measures, body_measures(champion.body)[None]])
+        measures = np.concatenate([measures, [champion.measures]])
     return Robots(
         task=task,
         archive=elites,

@@ -2,7 +2,8 @@
 
 - ``settings``: a run's settings; ``seeds``: its random streams; ``lock``: one writer at a time.
 - ``checkpoint``: atomic files; ``metrics``: the curves as a table.
-- ``champion``, ``elites``, ``published``: robots, from a run or from the package.
+- ``robot``: one evolved robot; ``champion``, ``elites``, ``published``: what those from a run's
+  champion, from its archive and from the package add; ``sources``: loads any of them.
 - ``assessment`` and ``statistics``: tests on fresh episodes (section 6).
-- ``exports``: CSV and pyribs; ``text``: numbers as people read them.
+- ``exports``: CSV and pyribs; ``wording``: numbers as text for people.
 """

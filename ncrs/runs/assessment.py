@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ncrs.engines.base import make_engine
-from ncrs.runs.champion import Champion
+from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.seeds import Stream, seed_sequence
 from ncrs.runs.statistics import wilson_interval
 from ncrs_envs.body import body_to_characters
@@ -24,7 +24,7 @@ REFERENCE_ENGINE = "box2d"
 
 @dataclass(frozen=True)
 class Proportion:
-    """A fraction of the episodes, with its uncertainty."""
+    """Number and fraction of episodes in which something happened."""
 
     count: int
     episodes: int
@@ -45,9 +45,8 @@ class Proportion:
 
     def __str__(self) -> str:
         fraction, low, high = self.percentages()
-        return (
-            f"{self.count} of {self.episodes} episodes ({fraction}; 95 % interval {low} to {high})"
-        )
+        interval = f"95 % interval {low} to {high}"
+        return f"{self.count} of {self.episodes} episodes ({fraction}; {interval})"
 
 
 @dataclass(frozen=True)
@@ -66,11 +65,11 @@ class Assessment:
     """Rows of characters."""
 
     def as_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
+        """The result as JSON can hold it."""
         return asdict(self)
 
     def lines(self) -> list[str]:
-        """For people."""
+        """The result in lines for people."""
         lines = [
             f"fitness  {self.fitness:.4f} +- {self.fitness_standard_error:.4f} (standard error)",
             f"success  {self.success}",
@@ -81,32 +80,32 @@ class Assessment:
 
 
 def assess(
-    champion: Champion,
+    robot: EvolvedRobot,
     *,
     episodes: int = EPISODES,
     seed: int = 0,
     engine: str = REFERENCE_ENGINE,
     workers: int | None = 1,
 ) -> Assessment:
-    """Run a champion on fresh episodes, in scenarios that no training run has seen.
+    """Run a robot on fresh episodes, in scenarios that no training run has seen.
 
     Args:
-        champion: genome and task.
-        episodes: number of episodes, at least 1.
-        seed: seed of the scenarios.
-        engine: as for ``evaluate``.
-        workers: as for ``evaluate``; one genome keeps one worker busy.
+        robot: Robot whose genome is grown again for its task.
+        episodes: Number of episodes, at least 1.
+        seed: Seed for sampling the scenarios.
+        engine: Name of an engine, as for ``evaluate``.
+        workers: Number of processes or threads; one genome keeps one busy.
 
     Raises:
         ScenarioError: ``episodes`` is not a positive integer.
         SeedError: ``seed`` is not a non-negative integer.
         EngineSettingError: unknown engine.
     """
-    settings = champion.task
+    settings = robot.task
     sequence = seed_sequence(seed, Stream.ASSESSMENT)
     scenarios = sample_scenarios(settings.task, sequence, episodes, settings.grid_size)
     with make_engine(engine, settings, workers) as running:
-        result = running.evaluate(champion.genome, scenarios)
+        result = running.evaluate(robot.genome, scenarios)
     episode_fitness = result.episode_fitness[0]
     spread = float(episode_fitness.std(ddof=1)) if episodes > 1 else 0.0
     crossed = Proportion.of(int(result.crossed[0].sum()), episodes)

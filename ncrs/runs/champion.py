@@ -2,59 +2,49 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ncrs.automaton.channels import NCALayout
-from ncrs.automaton.nca import NCA
 from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
+from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.settings import run_file
-from ncrs_envs.body import parse_body
 from ncrs_envs.tasks import TaskSettings
 
 CHAMPION_FILE = "champion.npz"
 
 
-@dataclass(frozen=True)
-class Champion:
-    """One genome and what is known of it."""
+@dataclass(frozen=True, eq=False)
+class Champion(EvolvedRobot):
+    """A robot whose fitness is that on the scenarios that a run compares champions on."""
 
-    genome: NDArray[np.float32]
-    """Shape ``(num_parameters,)``."""
-    body: NDArray[np.int8]
-    """Cell codes, ``(n, n)``."""
-    task: TaskSettings
-    fitness: float
-    """Mean over the scenarios that champions are compared on."""
-    success: float
-    """Share of those scenarios that succeeded, 0 to 1."""
     generation: int
+    """When it was found."""
     source: str
     """"sample" if it was drawn, "mean" if it is the mean of the search distribution, "elite" if it
     was the best of the archive."""
 
     @property
-    def nca(self) -> NCA:
-        """A new NCA with this genome."""
-        return NCA(self.task.name).set_genome(self.genome)
+    def title(self) -> str:
+        """Name of the robot for people."""
+        return self.name or f"champion of generation {self.generation}"
 
     def state(self) -> dict[str, Any]:
-        """Arrays and JSON values, for checkpoints; what subclasses add is left out."""
-        known = {field.name: getattr(self, field.name) for field in fields(Champion)}
-        return {**known, "task": asdict(self.task)}
+        """Arrays and JSON values, for checkpoints; what a published champion adds is left out."""
+        return {
+            "genome": self.genome,
+            "body": self.body,
+            "task": asdict(self.task),
+            "fitness": self.fitness,
+            "success": self.success,
+            "generation": self.generation,
+            "source": self.source,
+        }
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> Champion:
-        """Inverse of ``state``; checks what it is given."""
-        champion = cls(**{**state, "task": TaskSettings(**state["task"])})
-        settings = champion.task
-        NCALayout(settings.task).check_genomes(champion.genome)
-        parse_body(champion.body, settings.grid_size)
-        return champion
+        """Inverse of ``state``."""
+        return cls(**{**state, "task": TaskSettings(**state["task"])})
 
     def save(self, path: Path) -> None:
         """Write to one file, atomically."""
@@ -79,3 +69,8 @@ def load_champion_file(path: str | Path) -> Champion:
         return Champion.from_state(state)
     except (TypeError, KeyError, ValueError) as error:
         raise CheckpointError(f"{path} does not hold a champion: {error}") from error
+
+
+def find_champion(run_dir: Path) -> Champion | None:
+    """The champion of a run; None if it has none yet. See ``load_champion_file`` for errors."""
+    return load_champion_file(run_dir) if (run_dir / CHAMPION_FILE).is_file() else None

@@ -7,14 +7,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ncrs.automaton.channels import nca_layout
-from ncrs.automaton.nca import NCA
 from ncrs.engines.base import AUTO_ENGINE, Evaluation
 from ncrs.engines.evaluate import evaluate
 from ncrs.evolution.archive import NO_CELL, Archive, MeasureSpace
 from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
+from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.seeds import row_numbers, row_sequence
 from ncrs.runs.settings import run_file
 from ncrs_envs.body import Cell, parse_body
@@ -43,21 +42,13 @@ def make_archive(settings: TaskSettings) -> Archive:
     return Archive(space, nca_layout(settings.task).num_parameters, settings.grid_size)
 
 
-@dataclass(frozen=True)
-class Elite:
-    """The best genome known with its measures."""
+@dataclass(frozen=True, eq=False)
+class Elite(EvolvedRobot):
+    """The best robot known with its measures.
 
-    measures: tuple[int, int, int]
-    """Sensors, wheels, cells."""
-    genome: NDArray[np.float32]
-    """Shape ``(num_parameters,)``."""
-    body: NDArray[np.int8]
-    """Cell codes, ``(n, n)``."""
-    task: TaskSettings
-    fitness: float
-    """Mean over its scenarios: a lucky draw, unless the archive was re-estimated."""
-    success: float
-    """Share of its scenarios that succeeded, 0 to 1."""
+    Its fitness is a lucky draw, unless the archive was re-estimated.
+    """
+
     generation: int
     """When it was found."""
     evaluation_seed: tuple[int, ...]
@@ -65,12 +56,12 @@ class Elite:
     episodes: int
     """Number of its scenarios."""
     sampling: ScenarioSampling = PLAIN_SAMPLING
-    """How they were drawn."""
+    """The way in which they were drawn."""
 
     @property
-    def nca(self) -> NCA:
-        """A new NCA with this genome."""
-        return NCA(self.task.name).set_genome(self.genome)
+    def title(self) -> str:
+        """Name of the robot for people."""
+        return f"elite with measures {self.measures}"
 
     @property
     def scenarios(self) -> list[Scenario]:
@@ -100,7 +91,7 @@ class EliteArchive:
     episodes: int
     """Scenarios behind each elite's fitness."""
     sampling: ScenarioSampling = PLAIN_SAMPLING
-    """How they were drawn."""
+    """The way in which they were drawn."""
 
     def elite(self, measures: Sequence[int]) -> Elite:
         """The elite with these measures: sensors, wheels, cells.
@@ -121,7 +112,6 @@ class EliteArchive:
             raise EliteError(self._missing(triple, possible=cell != NO_CELL))
         index = int(row[0])
         return Elite(
-            measures=triple,
             genome=archive.column("genomes")[index],
             body=parse_body(archive.column("bodies")[index], archive.grid_size),
             task=self.task,
@@ -138,8 +128,8 @@ class EliteArchive:
         reason = (
             "is empty"
             if possible
-            else f"cannot be: at least {space.min_sensors} sensors and {space.min_wheels} wheels, "
-            f"and sensors + wheels <= cells <= {space.max_cells}"
+            else f"is impossible: at least {space.min_sensors} sensors and {space.min_wheels} "
+            f"wheels, and sensors + wheels <= cells <= {space.max_cells}"
         )
         order = np.argsort(np.abs(filled - triple).sum(axis=1), kind="stable")
         nearest = [tuple(row) for row in filled[order[:_NEAREST]].tolist()]
@@ -186,12 +176,17 @@ def load_archive(path: str | Path) -> EliteArchive:
     return loaded
 
 
+def find_archive(run_dir: Path) -> EliteArchive | None:
+    """The archive of a run; None if it has written none. See ``load_archive`` for errors."""
+    return load_archive(run_dir) if (run_dir / ARCHIVE_FILE).is_file() else None
+
+
 def load_elite(path: str | Path, measures: Sequence[int]) -> Elite:
     """Load one elite: its NCA, body, genome, task and fitness.
 
     Args:
-        path: a run's folder, or an archive's file.
-        measures: number of sensors of all types, of wheels, and of occupied cells.
+        path: Folder of a run, or an archive's file.
+        measures: Number of sensors of all types, of wheels, and of occupied cells.
 
     Raises:
         EliteError: there is no such elite; the message names the nearest that there are.

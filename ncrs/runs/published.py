@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointError
-from ncrs.runs.settings import ConfigError
 from ncrs_envs.errors import NCRSError
 
 CHAMPION_SUFFIX, CARD_SUFFIX, PICTURE_SUFFIX = ".npz", ".json", ".png"
@@ -22,13 +21,11 @@ class ChampionError(NCRSError, LookupError, ValueError):
     """No champion of that name comes with the package."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PublishedChampion(Champion):
     """A champion with the record of where it came from and how it was tested."""
 
-    name: str = ""
-    """Task and recipe, such as "light_chase/best"."""
-    card: dict[str, Any] | None = None
+    card: dict[str, Any] = field(kw_only=True)
     """The record: the "commands" that trained it, one after the other, the "config" of the last,
     "generations", "evaluations" and "env_steps" of all; the "generation" and "source" of the
     genome, as in ``Champion``; under "tests" the result on 1,000 fresh episodes on each engine, see
@@ -42,7 +39,7 @@ def file_stem(name: str) -> str:
 
 
 def champions_folder() -> Path:
-    """Where the champions' files are: in the checkout, or where the package was installed.
+    """Folder of the champions' files: in the checkout, or among the installed data.
 
     Raises:
         ChampionError: neither has any: the installation is not whole.
@@ -72,36 +69,11 @@ def champions() -> list[str]:
     return sorted(stem.replace("-", "/") for stem in whole)
 
 
-def champion_path(source: Path) -> Path:
-    """The path itself; or, if there is none, the file of the published champion that it names."""
-    name = source.as_posix()
-    return source if source.exists() or name not in champions() else champion_file(name)
-
-
-def load_any_champion(source: str) -> Champion:
-    """The champion of a run's folder or of a champion's file; or, if there is no such path, the one
-    of that name in the package.
-
-    Raises:
-        ConfigError: there is none.
-        CheckpointError: its file is damaged.
-        ChampionError: there is no such path, and the installation has no champions.
-    """
-    path = champion_path(Path(source))
-    if not path.exists():
-        raise ConfigError(f"{source} does not exist. {_no_such(source)}")
-    return load_champion_file(path)
-
-
-def _no_such(name: str) -> str:
-    return f"There is no champion {name!r}; there are {champions()}."
-
-
 def load_champion(name: str) -> PublishedChampion:
     """Load a champion that comes with the package.
 
     Args:
-        name: task and recipe, such as "light_chase/best"; ``champions()`` lists all.
+        name: Task and recipe, such as "light_chase/best"; ``champions()`` lists all.
 
     Returns:
         Its ``nca``, ``body``, ``genome``, ``task``, and the ``card`` with its tests.
@@ -111,11 +83,11 @@ def load_champion(name: str) -> PublishedChampion:
         CheckpointError: its files are damaged.
     """
     if name not in champions():
-        raise ChampionError(_no_such(name))
+        raise ChampionError(f"There is no champion {name!r}; there are {champions()}.")
     file = champion_file(name)
     champion = load_champion_file(file)
     try:
         card = json.loads(file.with_suffix(CARD_SUFFIX).read_text())
     except ValueError as error:
         raise CheckpointError(f"The card of {name} is not valid JSON: {error}.") from error
-    return PublishedChampion(**vars(champion), name=name, card=card)
+    return PublishedChampion(**{**vars(champion), "name": name}, card=card)

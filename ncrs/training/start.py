@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ncrs.automaton.channels import NCALayout, nca_layout
 from ncrs.automaton.transfer import transferred
-from ncrs.runs.published import load_any_champion
 from ncrs.runs.settings import ConfigError
+from ncrs.runs.sources import SourceError, load_robot
 
 _TOLERANCE = 1e-5
 
@@ -26,12 +26,12 @@ def start_genome(source: str, target: NCALayout, symmetric: bool) -> NDArray[np.
         CheckpointError: its file is damaged.
     """
     try:
-        champion = load_any_champion(source)
-    except ConfigError as error:
+        robot = load_robot(source)
+    except (ConfigError, SourceError) as error:
         raise ConfigError(
             f"Cannot start from {source}; if it is an earlier stage, train that first. {error}"
         ) from error
-    start = transferred(champion.genome, nca_layout(champion.task.name), target)
+    start = transferred(robot.genome, nca_layout(robot.task.name), target)
     if symmetric and not np.allclose(target.symmetric(start[None])[0], start, atol=_TOLERANCE):
         raise ConfigError(
             f"start_from={source} does not treat left and right alike, and this search is among "

@@ -6,16 +6,16 @@ import signal
 
 from ncrs.runs.assessment import EPISODES, REFERENCE_ENGINE, assess
 from ncrs.runs.settings import TrainConfig
-from ncrs.runs.text import duration_text
+from ncrs.runs.wording import duration
 from ncrs.training.state import TrainingResult
-from ncrs_envs.body import body_measures, body_to_characters
+from ncrs_envs.body import body_to_characters
 
 
 def _effort(result: TrainingResult) -> str:
     state = result.state
     return (
         f"{state.generation} generations, {state.evaluations:,} evaluations, "
-        f"{state.env_steps:,} environment steps in {duration_text(state.seconds)}"
+        f"{state.env_steps:,} environment steps in {duration(state.seconds)}"
     )
 
 
@@ -39,7 +39,7 @@ def finished_lines(result: TrainingResult, config: TrainConfig) -> list[str]:
     if champion is None:
         lines.append("No genome grew a body that the task can use; try more generations.")
     else:
-        sensors, wheels, cells = body_measures(champion.body).tolist()
+        sensors, wheels, cells = champion.measures
         assessment = assess(champion)
         lines += [
             f"Champion, from generation {champion.generation} ({champion.source}): "

@@ -17,7 +17,7 @@ class ArchiveGrid:
     values: NDArray[np.float64]
     """``(panels, sensors, wheels)``, counted from 0; NaN without an elite."""
     possible: NDArray[np.bool_]
-    """Whether a body can have these measures, same shape."""
+    """True where a body can have these measures, same shape."""
 
 
 def archive_grid(
@@ -26,9 +26,9 @@ def archive_grid(
     """Lay out values of elites.
 
     Args:
-        measures: sensors, wheels and cells of the elites, ``(E, 3)``.
-        values: what to show of each, ``(E,)``.
-        triples: all possible measures, ``(K, 3)``.
+        measures: Sensors, wheels and cells of the elites, ``(E, 3)``.
+        values: Value of each elite to show, ``(E,)``.
+        triples: All possible measures, ``(K, 3)``.
     """
     cells = np.unique(triples[:, 2])
     shape = (len(cells), int(triples[:, 0].max()) + 1, int(triples[:, 1].max()) + 1)

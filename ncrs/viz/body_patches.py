@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -12,6 +15,7 @@ from numpy.typing import NDArray
 
 from ncrs_envs.body import CELL_SIZE, BodyGrid, Cell, cell_centers
 from ncrs_envs.canvas import AMBER, SKY, TISSUE, WHEEL_BASE, Color
+from ncrs_envs.tasks import Task
 
 _EDGE = "#30343c"
 
@@ -25,12 +29,6 @@ _FILL = {
     Cell.LIGHT_SENSOR: "#f2f2f2",
     Cell.TARGET_SENSOR: "#f2f2f2",
     Cell.WHEEL: _hex(WHEEL_BASE),
-}
-_NAMES = {
-    Cell.TISSUE: "tissue",
-    Cell.LIGHT_SENSOR: "light or ball sensor",
-    Cell.TARGET_SENSOR: "target sensor",
-    Cell.WHEEL: "wheel",
 }
 
 
@@ -64,17 +62,17 @@ def _marks(cell: Cell, x: float, y: float) -> list[Patch]:
     return []
 
 
-def cell_legend(cells: NDArray[np.integer]) -> list[Line2D]:
-    """Legend handles for the cell types among ``cells``."""
+def cell_legend(cells: NDArray[np.integer], tasks: Sequence[Task]) -> list[Line2D]:
+    """Legend handles for the cell types among ``cells``, as they are called in ``tasks``."""
     markers = {Cell.TISSUE: "s", Cell.LIGHT_SENSOR: "o", Cell.TARGET_SENSOR: "D", Cell.WHEEL: "^"}
     colors = {**_FILL, Cell.LIGHT_SENSOR: _hex(AMBER), Cell.TARGET_SENSOR: _hex(SKY)}
-    return [
-        Line2D(
-            [], [], ls="", marker=markers[cell], mfc=colors[cell], mec=_EDGE, mew=0.6, label=name
-        )
-        for cell, name in _NAMES.items()
-        if (cells == cell).any()
-    ]
+    handles = []
+    for cell, marker in markers.items():
+        if (cells == cell).any():
+            name = " or ".join(dict.fromkeys(task.cell_label(cell) for task in tasks))
+            look: dict[str, Any] = {"marker": marker, "mfc": colors[cell], "mec": _EDGE, "mew": 0.6}
+            handles.append(Line2D([], [], ls="", label=name, **look))
+    return handles
 
 
 def add_silhouette(

@@ -8,53 +8,52 @@ from pathlib import Path
 from ncrs.viz.figures_archive import archive_plot, histogram_plot
 from ncrs.viz.figures_curves import fitness_plot
 from ncrs.viz.figures_robots import channels_plot, designs_plot, positions_plot
+from ncrs.viz.options import FigureOptions
 from ncrs.viz.runs import Group, VizError, find_runs, group_runs
 from ncrs.viz.style import Plot, style
 
 
-def _plots(groups: Sequence[Group], axis: str, episodes: int, seed: int) -> Iterator[Plot]:
-    for compared in (fitness_plot(groups, axis), designs_plot(groups), histogram_plot(groups)):
+def _plots(groups: Sequence[Group], options: FigureOptions) -> Iterator[Plot]:
+    for compared in (
+        fitness_plot(groups, options.axis),
+        designs_plot(groups),
+        histogram_plot(groups),
+    ):
         if compared is not None:
             yield compared
     for group in groups:
         champions = group.champions()
         if champions:
             _, champion = champions[0]
-            yield channels_plot(champion, group.name, seed)
-            yield positions_plot(champion, group.name, episodes, seed)
+            yield channels_plot(champion, group.name, options.seed)
+            yield positions_plot(champion, group.name, options.episodes, options.seed)
         archives = [archive for archive in (run.archive() for run in group.runs) if archive]
         if archives:
             yield archive_plot(max(archives, key=lambda found: len(found.archive)), group.name)
 
 
 def save_figures(
-    paths: Sequence[Path],
-    folder: Path,
-    *,
-    axis: str = "generation",
-    episodes: int = 12,
-    seed: int = 0,
+    paths: Sequence[Path], folder: Path, options: FigureOptions | None = None
 ) -> list[Path]:
     """Draw everything that the runs have, and write it into a folder.
 
     Args:
-        paths: folders of runs, or of sweeps; runs are compared by task and method.
-        folder: of the figures, made if missing.
-        axis: of the fitness curves, "generation" or "evaluations".
-        episodes: number of episodes whose last positions are shown.
-        seed: of those episodes.
+        paths: Folders of runs, or of sweeps; runs are compared by task and method.
+        folder: Folder of the figures, made if missing.
+        options: Axis and episodes; None for the defaults.
 
     Returns:
         Paths of all files: PNG, SVG and CSV of each figure.
 
     Raises:
         VizError: no run there, or runs with nothing to show yet.
-        ScenarioError: ``episodes`` is not positive.
+        ScenarioError: the number of episodes is not a positive integer.
     """
+    options = FigureOptions() if options is None else options
     groups = group_runs(find_runs(paths))
     saved: list[Path] = []
     with style():
-        for plot in _plots(groups, axis, episodes, seed):
+        for plot in _plots(groups, options):
             saved += plot.save(folder)
     if not saved:
         raise VizError(

@@ -17,10 +17,12 @@ from ncrs.viz.style import (
     EMPTY_CELL,
     WIDTH,
     Plot,
+    colormap,
     method_name,
     method_style,
-    task_name,
 )
+from ncrs_envs.canvas import AMOUNTS
+from ncrs_envs.tasks import get_task
 
 _COLUMNS = 6
 _BINS = 30
@@ -34,6 +36,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
     archive = elites.archive
     measures, fitness = archive.measures, archive.column("fitness")
     grid = archive_grid(measures, fitness, archive.space.triples)
+    colors = colormap(AMOUNTS)
     norm = Normalize(float(fitness.min()), float(fitness.max()))
     rows = math.ceil(len(grid.cells) / _COLUMNS)
     figure = Figure(figsize=(WIDTH, WIDTH / _COLUMNS * rows * 1.05))
@@ -45,7 +48,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
             continue
         empty = np.where(grid.possible[index], 1.0, np.nan).T
         panel.imshow(empty, cmap=ListedColormap([EMPTY_CELL]), origin="lower", vmin=0, vmax=1)
-        image = panel.imshow(grid.values[index].T, cmap="viridis", norm=norm, origin="lower")
+        image = panel.imshow(grid.values[index].T, cmap=colors, norm=norm, origin="lower")
         panel.set_title(f"{grid.cells[index]} cells", pad=2, fontsize=7)
         ticks = list(range(0, largest, 10))
         panel.set(
@@ -54,7 +57,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
     figure.supxlabel("sensors", fontsize=8)
     figure.supylabel("wheels", fontsize=8)
     possible = len(archive.space.triples)
-    title = f"{task_name(elites.task.name)}: {len(archive)} of {possible} elites"
+    title = f"{elites.task.task.title}: {len(archive)} of {possible} elites"
     figure.suptitle(f"{title}, QD-score {fitness.sum() / possible:.3f}", fontsize=8)
     figure.colorbar(image, ax=panels, label="fitness", shrink=0.6, aspect=30)
     columns = ["sensors", "wheels", "cells", "fitness", "success"]
@@ -65,7 +68,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
 
 
 def histogram_plot(groups: Sequence[Group]) -> Plot | None:
-    """How many elites have which fitness: one panel per task, one line per method, mean of runs."""
+    """Histogram of the elites' fitness: a panel per task, a line per method, mean of runs."""
     found = {
         group.name: [
             archive.archive.column("fitness")
@@ -99,7 +102,7 @@ def histogram_plot(groups: Sequence[Group]) -> Plot | None:
                 [task, group.method, low, high, count, len(runs)]
                 for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
             ]
-        panel.set(title=task_name(task), xlabel="fitness of the elite")
+        panel.set(title=get_task(task).title, xlabel="fitness of the elite")
         panel.legend(loc="upper left")
     panels[0].set_ylabel("elites per run")
     columns = ["task", "method", "from", "to", "elites_per_run", "runs"]

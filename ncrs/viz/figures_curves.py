@@ -8,12 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ncrs.viz.runs import Group, VizError, tasks_of
-from ncrs.viz.style import COLUMN, WIDTH, Plot, method_name, method_style, task_name
+from ncrs.viz.options import AXES
+from ncrs.viz.runs import Group, tasks_of
+from ncrs.viz.style import COLUMN, WIDTH, Plot, method_name, method_style
+from ncrs_envs.tasks import get_task
 
-AXES = {"generation": "generation", "evaluations": "evaluations"}
-"""What the horizontal axis can count, by the name of its option."""
-_COLUMN = {"generation": "generation", "evaluations": "progress/evaluations"}
 _BEST = "fitness/best"
 
 
@@ -27,18 +26,16 @@ def fitness_curves(group: Group, axis: str) -> tuple[NDArray[np.float64], NDArra
     if not tables:
         return np.empty(0), np.empty((0, 0))
     common = min(len(table[_BEST]) for table in tables)
-    return tables[0][_COLUMN[axis]][:common], np.stack([table[_BEST][:common] for table in tables])
+    return tables[0][AXES[axis]][:common], np.stack([table[_BEST][:common] for table in tables])
 
 
-def fitness_plot(groups: Sequence[Group], axis: str = "generation") -> Plot | None:
+def fitness_plot(groups: Sequence[Group], axis: str) -> Plot | None:
     """One panel per task, one line per method; None if no run has a table of its curves.
 
     Args:
-        groups: what to compare.
-        axis: "generation", or "evaluations" where methods' populations differ.
+        groups: Groups to compare.
+        axis: One of ``AXES``: "evaluations" is fair where methods' populations differ.
     """
-    if axis not in AXES:
-        raise VizError(f"The axis must be one of {list(AXES)}, got {axis!r}.")
     curves = {group.name: fitness_curves(group, axis) for group in groups}
     shown = [group for group in groups if len(curves[group.name][1])]
     if not shown:
@@ -62,7 +59,7 @@ def fitness_plot(groups: Sequence[Group], axis: str = "generation") -> Plot | No
             for values in zip(x, median, low, high, [seeds] * len(x), strict=True)
         ]
     for task, panel in zip(tasks, panels, strict=True):
-        panel.set(title=task_name(task), xlabel=AXES[axis])
+        panel.set(title=get_task(task).title, xlabel=axis)
         panel.xaxis.get_major_locator().set_params(integer=True)
         # Below the panel: curves may run anywhere in it.
         panel.legend(loc="upper left", bbox_to_anchor=(0.0, -0.22), borderaxespad=0.0)

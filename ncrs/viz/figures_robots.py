@@ -11,17 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Rectangle
 
-from ncrs.automaton.channels import HIDDEN_CHANNELS
-from ncrs.automaton.nca import NCA
-from ncrs.runs.champion import Champion
+from ncrs.runs.robot import EvolvedRobot
 from ncrs.viz.body_patches import add_body, add_silhouette, cell_legend
-from ncrs.viz.recording import Recording, record_episodes, record_growth
+from ncrs.viz.recording import Recording, record_episodes
 from ncrs.viz.runs import Group, methods_of, tasks_of
-from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, method_name, task_name
-from ncrs_envs.body import Cell, body_measures, body_to_characters
+from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, colormap, method_name
+from ncrs_envs.body import body_to_characters
+from ncrs_envs.canvas import SIGNED
 from ncrs_envs.physics import TARGET_SIDE
 from ncrs_envs.scenario import WALL_EXTENT
-from ncrs_envs.tasks import REGIONS
+from ncrs_envs.tasks import REGIONS, get_task
 
 _MOMENTS = ("seed", "end of growth", "end of control")
 
@@ -44,9 +43,9 @@ def designs_plot(groups: Sequence[Group]) -> Plot | None:
             panel.set_axis_off()
             continue
         run, champion = best[task, method][0]
-        sensors, wheels, cells = body_measures(champion.body).tolist()
+        sensors, wheels, cells = champion.measures
         add_body(panel, champion.body)
-        panel.set_title(f"{task_name(task)}, {method_name(method)}")
+        panel.set_title(f"{get_task(task).title}, {method_name(method)}")
         panel.set_xlabel(
             f"fitness {champion.fitness:.3f}, success {champion.success:.0%}\n"
             f"{cells} cells, {wheels} wheels, {sensors} sensors",
@@ -56,7 +55,7 @@ def designs_plot(groups: Sequence[Group]) -> Plot | None:
         drawn = body_to_characters(champion.body).replace("\n", "/")
         values = (champion.fitness, champion.success, sensors, wheels, cells, drawn)
         rows.append([task, method, run.folder.name, run.config.seed, *values])
-    handles = cell_legend(np.concatenate(seen))
+    handles = cell_legend(np.concatenate(seen), [get_task(task) for task in tasks])
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     columns = [
         "task", "method", "run", "seed", "fitness", "success", "sensors", "wheels", "cells", "body",
@@ -64,34 +63,28 @@ def designs_plot(groups: Sequence[Group]) -> Plot | None:
     return Plot("designs", figure, columns, rows)
 
 
-def channel_names(nca: NCA) -> list[str]:
-    """Names of an NCA's channels, in order."""
-    parts = [Cell(code).name.lower().replace("_", " ") for code in nca.layout.part_codes]
-    hidden = [f"hidden {index + 1}" for index in range(HIDDEN_CHANNELS)]
-    return ["body", "control", *parts, *hidden, "in/out"]
-
-
-def channels_plot(champion: Champion, name: str, seed: int = 0) -> Plot:
+def channels_plot(robot: EvolvedRobot, name: str, seed: int) -> Plot:
     """All NCA channels at the seed, at the end of growth, and at the end of one episode."""
-    growth = record_growth(champion)
-    control = record_episodes(champion, 1, seed)[0].states[-1]
+    growth = robot.growth()
+    control = record_episodes(robot, 1, seed)[0].states[-1]
     states = np.stack([growth.states[0], growth.states[-1], control])
-    names = channel_names(champion.nca)
+    colors = colormap(SIGNED)
+    names = robot.nca.layout.channel_names
     limit = max(1.0, float(np.abs(states).max()))
     figure = Figure(figsize=(WIDTH, 2.0))
     panels = figure.subplots(len(_MOMENTS), len(names) + 1)
-    bodies = (growth.bodies[0], growth.bodies[-1], champion.body)
+    bodies = (growth.bodies[0], growth.bodies[-1], robot.body)
     for moment, (label, body) in enumerate(zip(_MOMENTS, bodies, strict=True)):
         add_body(panels[moment, 0], body)
         panels[moment, 0].set_ylabel(label.replace(" of ", "\nof "), fontsize=7)
         for channel, channel_name in enumerate(names):
             panel = panels[moment, channel + 1]
             values = states[moment, :, :, channel]
-            image = panel.imshow(values, cmap="RdBu_r", vmin=-limit, vmax=limit)
+            image = panel.imshow(values, cmap=colors, vmin=-limit, vmax=limit)
             panel.set(xticks=[], yticks=[])
             panel.spines[:].set(visible=True, color="#909090")
             if moment == 0:
-                panel.set_title(channel_name.replace(" ", "\n"), fontsize=6)
+                panel.set_title(channel_name.replace(" ", "\n").replace("/", "/\n"), fontsize=6)
     panels[0, 0].set_title("robot", fontsize=6)
     bar = figure.colorbar(image, ax=panels, shrink=0.8, aspect=30, pad=0.01)
     bar.ax.tick_params(labelsize=6)
@@ -102,9 +95,9 @@ def channels_plot(champion: Champion, name: str, seed: int = 0) -> Plot:
     return Plot(f"channels_{name}", figure, ["moment", "channel", "row", "column", "value"], rows)
 
 
-def positions_plot(champion: Champion, name: str, episodes: int = 12, seed: int = 0) -> Plot:
-    """Where a robot stands at the end of several episodes, how it got there, and its goals."""
-    recordings = record_episodes(champion, episodes, seed)
+def positions_plot(robot: EvolvedRobot, name: str, episodes: int, seed: int) -> Plot:
+    """Positions at the end of several episodes, the paths there, and the goals."""
+    recordings = record_episodes(robot, episodes, seed)
     figure = Figure(figsize=(COLUMN, COLUMN + 0.45))
     panel = figure.subplots()
     rows = []
@@ -113,15 +106,15 @@ def positions_plot(champion: Champion, name: str, episodes: int = 12, seed: int 
         last = recording.scenes[-1]
         panel.plot(*last.path.T, color=color, lw=0.5, zorder=1)
         _add_goal(panel, recording, color)
-        add_silhouette(panel, champion.body, last.pose, color)
+        add_silhouette(panel, robot.body, last.pose, color)
         goal = last.target if last.light is None else last.light
         assert goal is not None
-        values = (*last.pose, *goal, *(last.ball or ("", "")), float(recording.rewards.mean()))
+        values = (*last.pose, *goal, *(last.ball or ("", "")), recording.fitness)
         rows.append([index, index % REGIONS, *values, int(recording.success)])
     reach = WALL_EXTENT * recordings[0].scenes[0].extent
     panel.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x", ylabel="y")
     solved = sum(recording.success for recording in recordings)
-    method = f"{task_name(champion.task.name)}: {solved} of {episodes} episodes solved"
+    method = f"{robot.task.task.title}: {solved} of {episodes} episodes solved"
     panel.set_title(method)
     figure.legend(handles=_position_legend(recordings[0]), loc="outside lower center", ncols=3)
     columns = [

@@ -9,21 +9,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.runs.robot import EvolvedRobot
 from ncrs.viz.film_files import FilmWriter, open_writers
-from ncrs.viz.recording import Grown, Growth, Recording, record_episodes, record_growth
-from ncrs.viz.runs import VizError
-from ncrs.viz.stills import Picture, ground, ramp, write
+from ncrs.viz.options import FilmOptions
+from ncrs.viz.recording import Recording, record_episodes
+from ncrs.viz.stills import Lettering, Picture, ground, ramp, write
 from ncrs_envs.body import sensor_mask, wheel_mask
-from ncrs_envs.canvas import BORDER, TISSUE, WHITE
+from ncrs_envs.canvas import BORDER, SIGNED, TISSUE
 from ncrs_envs.physics import DT
 from ncrs_envs.rendering import draw_body, draw_scene
 
 FPS = 25
-DEFAULT_HEIGHT = 600
-HEIGHTS = (240, 1440)
-"""Least and largest height of a film in pixels."""
 _GROWTH_SECONDS = 0.4
-"""How long each step of growth is shown."""
+"""Time for which each step of growth is shown."""
 _PAUSE_SECONDS = 1.0
 _CHANNEL_COLUMNS = 5
 _CHANNEL_LIMIT = 2.0
@@ -32,9 +30,14 @@ _CHANNEL_LIMIT = 2.0
 
 @dataclass(frozen=True)
 class FilmSize:
-    """Where things are, in pixels; all even, as video encoders need."""
+    """Positions in a frame, in pixels; all even, as video encoders need."""
 
     height: int
+
+    @classmethod
+    def of(cls, options: FilmOptions) -> FilmSize:
+        """The layout of a film."""
+        return cls(options.height // 2 * 2)
 
     @property
     def side(self) -> int:
@@ -57,20 +60,12 @@ class FilmSize:
         return max(10, self.height // 34)
 
 
-def check_height(height: int) -> FilmSize:
-    """The layout for a height in pixels, or ``VizError`` if there can be none."""
-    least, most = HEIGHTS
-    if not least <= height <= most:
-        raise VizError(f"The height must be from {least} to {most} pixels, got {height}.")
-    return FilmSize(height // 2 * 2)
-
-
-def growth_frames(robot: Grown, title: str, size: FilmSize) -> Iterator[Picture]:
+def growth_frames(robot: EvolvedRobot, size: FilmSize) -> Iterator[Picture]:
     """One frame for every state, the seed first."""
-    growth: Growth = record_growth(robot)
+    growth = robot.growth()
     last = len(growth.states) - 1
     for step, (state, body) in enumerate(zip(growth.states, growth.bodies, strict=True)):
-        lines = [*_heading(robot, title), f"growth, step {step} of {last}"]
+        lines = [*_heading(robot), f"growth, step {step} of {last}"]
         panel = _panel(size, lines, None, state)
         yield np.concatenate([draw_body(body, size.height), panel], axis=1)
 
@@ -98,8 +93,8 @@ def episode_frames(
         yield np.concatenate([picture, _panel(size, lines, robot, state)], axis=1)
 
 
-def _heading(robot: Grown, title: str) -> list[str]:
-    return [robot.task.task.env_id.split("-")[1], title]
+def _heading(robot: EvolvedRobot) -> list[str]:
+    return [robot.task.task.title, robot.title]
 
 
 def _levels(name: str, values: NDArray[np.floating]) -> str:
@@ -119,10 +114,11 @@ def _panel(
     channels = channel_picture(state, size.side - 2 * margin)
     top = size.height - margin - channels.shape[0]
     panel[top : top + channels.shape[0], margin : margin + channels.shape[1]] = channels
-    panel = write(panel, (margin, margin), lines[0], size.text, WHITE)
-    panel = write(panel, (margin, 2.6 * margin), "\n".join(lines[1:]), size.text, TISSUE)
+    panel = write(panel, (margin, margin), lines[0], Lettering(size.text))
+    panel = write(panel, (margin, 2.6 * margin), "\n".join(lines[1:]), Lettering(size.text, TISSUE))
     caption = f"{state.shape[-1]} channels of the NCA, -2 to 2"
-    return write(panel, (margin, top - 0.5 * margin), caption, size.text * 4 // 5, TISSUE, "ls")
+    small = Lettering(size.text * 4 // 5, TISSUE, "ls")
+    return write(panel, (margin, top - 0.5 * margin), caption, small)
 
 
 def channel_picture(state: NDArray[np.float32], width: int) -> Picture:
@@ -135,62 +131,47 @@ def channel_picture(state: NDArray[np.float32], width: int) -> Picture:
     picture = ground(rows * side - gap, _CHANNEL_COLUMNS * side - gap)
     for channel in range(channels):
         row, column = divmod(channel, _CHANNEL_COLUMNS)
-        colors = ramp(state[..., channel], -_CHANNEL_LIMIT, _CHANNEL_LIMIT)
+        colors = ramp(state[..., channel], -_CHANNEL_LIMIT, _CHANNEL_LIMIT, SIGNED)
         cells = colors.repeat(pixels, axis=0).repeat(pixels, axis=1)
         top, left = row * side, column * side
         picture[top : top + cells.shape[0], left : left + cells.shape[1]] = cells
     return picture
 
 
-def timed_frames(
-    robot: Grown, title: str, episodes: int, seed: int, speed: float, size: FilmSize
-) -> Iterator[tuple[Picture, float]]:
+def timed_frames(robot: EvolvedRobot, options: FilmOptions) -> Iterator[tuple[Picture, float]]:
     """All frames of a film, each with the seconds that it is shown."""
-    for frame in growth_frames(robot, title, size):
+    size = FilmSize.of(options)
+    for frame in growth_frames(robot, size):
         yield frame, _GROWTH_SECONDS
     yield frame, _PAUSE_SECONDS
-    heading = _heading(robot, title)
-    recordings = record_episodes(robot, episodes, seed)
+    heading = _heading(robot)
+    recordings = record_episodes(robot, options.episodes, options.seed)
     for number, recording in enumerate(recordings, start=1):
-        for frame in episode_frames(recording, heading, number, episodes, size):
-            yield frame, DT / speed
+        for frame in episode_frames(recording, heading, number, options.episodes, size):
+            yield frame, DT / options.speed
         yield frame, _PAUSE_SECONDS
 
 
-def save_film(
-    robot: Grown,
-    title: str,
-    paths: list[Path],
-    *,
-    episodes: int = 4,
-    seed: int = 0,
-    speed: float = 0.5,
-    height: int = DEFAULT_HEIGHT,
-) -> None:
-    """Write one film as MP4, GIF, or both.
+def save_film(robot: EvolvedRobot, paths: list[Path], options: FilmOptions | None = None) -> None:
+    """Write one film as MP4, GIF, or both; the robot's title is on every frame.
 
     Args:
-        robot: champion, elite, or other grown robot.
-        title: written on every frame.
-        paths: files to write, by suffix ``.mp4`` or ``.gif``.
-        episodes: number of episodes after growth; regions of the light or ball take turns.
-        seed: of the episodes.
-        speed: 1 is real time, less is slower.
-        height: of the picture in pixels, which is half again as wide.
+        robot: Robot to film.
+        paths: Files to write, by suffix ``.mp4`` or ``.gif``.
+        options: Episodes, speed and size; None for the defaults.
 
     Raises:
-        VizError: a height or speed out of range, an unknown suffix, or no video encoder.
-        ScenarioError: ``episodes`` is not a positive integer.
+        VizError: an unknown suffix, or no video encoder.
+        ScenarioError: the number of episodes is not a positive integer.
     """
-    size = check_height(height)
-    if not 0.0 < speed <= 4.0:
-        raise VizError(f"The speed must be above 0 and at most 4, got {speed}.")
+    options = FilmOptions() if options is None else options
+    size = FilmSize.of(options)
     writers: list[FilmWriter] = open_writers(paths, (size.width, size.height), FPS)
     time = 0.0
     written = 0
     done = False
     try:
-        for frame, seconds in timed_frames(robot, title, episodes, seed, speed, size):
+        for frame, seconds in timed_frames(robot, options):
             time += seconds
             copies = max(0, round(time * FPS) - written)
             written += copies

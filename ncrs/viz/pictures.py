@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ncrs.runs.champion import Champion
-from ncrs.viz.recording import record_episodes, record_growth
+from ncrs.runs.robot import EvolvedRobot
+from ncrs.viz.recording import record_episodes
 from ncrs_envs.rendering import MIN_RENDER_SIZE, check_render_size, draw_body, draw_scene
 from ncrs_envs.tasks import REGIONS
 
@@ -31,15 +31,15 @@ Frame = NDArray[np.uint8]
 
 
 def episode_frames(
-    champion: Champion, *, episodes: int = 1, seed: int = 0, size: int = DEFAULT_SIZE
+    robot: EvolvedRobot, *, episodes: int = 1, seed: int = 0, size: int = DEFAULT_SIZE
 ) -> list[list[Frame]]:
-    """Drive the champion through Box2D episodes and draw every second step.
+    """Drive a robot through Box2D episodes and draw every second step.
 
     Args:
-        champion: genome, body and task.
-        episodes: how many; regions take turns.
-        seed: of the episodes.
-        size: side of a frame in pixels.
+        robot: Robot to draw.
+        episodes: Number of episodes; regions take turns.
+        seed: Seed for sampling the scenarios.
+        size: Side of a frame in pixels.
 
     Returns:
         For each episode RGB frames, uint8 ``(size, size, 3)``, from the start to the end.
@@ -49,7 +49,7 @@ def episode_frames(
     """
     check_render_size(size)
     drawn = []
-    for recording in record_episodes(champion, episodes, seed):
+    for recording in record_episodes(robot, episodes, seed):
         last = len(recording.scenes) - 1
         drawn.append(
             [
@@ -81,24 +81,24 @@ def _durations(episode: Sequence[Frame]) -> list[int]:
     return [_FRAME_MS] * (len(episode) - 1) + [_LAST_FRAME_MS]
 
 
-def growth_and_episode(champion: Champion, size: int) -> tuple[list[Frame], list[int]]:
-    """Frames of the growth and of one episode, and how long to show each, in milliseconds."""
-    bodies = [draw_body(body, size) for body in record_growth(champion).bodies]
-    episode = episode_frames(champion, size=size)[0]
+def growth_and_episode(robot: EvolvedRobot, size: int) -> tuple[list[Frame], list[int]]:
+    """Frames of the growth and of one episode, and the milliseconds that each is shown."""
+    bodies = [draw_body(body, size) for body in robot.growth().bodies]
+    episode = episode_frames(robot, size=size)[0]
     return bodies + episode, [_GROWTH_FRAME_MS] * len(bodies) + _durations(episode)
 
 
-def story(champion: Champion, ends: Sequence[Frame]) -> Frame:
+def story(robot: EvolvedRobot, ends: Sequence[Frame]) -> Frame:
     """Growth from the seed cell above, the ends of episodes below, each from left to right.
 
     Args:
-        champion: whose growth is shown.
-        ends: last frame of each episode, E times RGB, uint8 ``(size, size, 3)``.
+        robot: Robot whose growth is shown.
+        ends: Last frame of each episode, E times RGB, uint8 ``(size, size, 3)``.
 
     Returns:
         RGB, uint8 ``(height, E * size, 3)``.
     """
-    grown = record_growth(champion).bodies
+    grown = robot.growth().bodies
     steps = np.linspace(0, len(grown) - 1, min(_BODIES, len(grown))).round().astype(int)
     bodies = grown[steps]
     below = np.concatenate(ends, axis=1)
@@ -114,15 +114,15 @@ def story(champion: Champion, ends: Sequence[Frame]) -> Frame:
 
 
 def save_pictures(
-    champion: Champion, folder: Path, *, seed: int = 0, size: int = DEFAULT_SIZE
+    robot: EvolvedRobot, folder: Path, *, seed: int = 0, size: int = DEFAULT_SIZE
 ) -> list[Path]:
     """Draw body, growth and an episode in each region into a folder; returns the files' paths."""
     body_path, story_path, episodes_path = (
         folder / name for name in (BODY_FILE, STORY_FILE, EPISODES_FILE)
     )
-    episodes = episode_frames(champion, episodes=REGIONS, seed=seed, size=size)
-    Image.fromarray(draw_body(champion.body, size)).save(body_path)
-    Image.fromarray(story(champion, [episode[-1] for episode in episodes])).save(story_path)
+    episodes = episode_frames(robot, episodes=REGIONS, seed=seed, size=size)
+    Image.fromarray(draw_body(robot.body, size)).save(body_path)
+    Image.fromarray(story(robot, [episode[-1] for episode in episodes])).save(story_path)
     frames = [frame for episode in episodes for frame in episode]
     durations = [duration for episode in episodes for duration in _durations(episode)]
     episodes_path.write_bytes(encode_animation(frames, durations))

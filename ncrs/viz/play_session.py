@@ -1,15 +1,15 @@
-"""What playing is, without a window: your robot, an evolved one beside it, one scenario."""
+"""The game without a window: your robot, an evolved one beside it, one scenario."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.control import Controller
-from ncrs.viz.recording import make_env
-from ncrs.viz.robots import EvolvedRobot
+from ncrs.runs.robot import EvolvedRobot
 from ncrs_envs.body import BodyError, BodyGrid, Cell, cell_centers, mass_properties, parse_body
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Scenario, sample_scenarios
@@ -34,18 +34,28 @@ def steering(body: BodyGrid, throttle: float, turn: float) -> NDArray[np.float32
     return np.where(body == Cell.WHEEL, gas, 0.0).astype(np.float32)
 
 
+def _make_env(settings: TaskSettings, body: BodyGrid) -> Any:
+    """The Box2D environment, without Gymnasium's time limit, so that one may drive on."""
+    return gymnasium.make(
+        f"ncrs_envs:{settings.task.env_id}",
+        body=body.tolist(),
+        grid_size=settings.grid_size,
+        distance_score=settings.distance_score,
+        success_radius=settings.radius,
+    ).unwrapped
+
+
 class Lane:
     """One robot's own copy of the world, on Box2D.
 
     Args:
-        task: task and settings.
-        body: a body that the task can use.
-        controller: drives it; None if you do.
+        task: Task and settings.
+        body: Body that the task can use.
+        controller: Controller that drives it; None if you do.
     """
 
     def __init__(self, task: TaskSettings, body: BodyGrid, controller: Controller | None) -> None:
-        # Without Gymnasium's time limit, so that one may drive on.
-        self._env: Any = make_env(task, body).unwrapped
+        self._env = _make_env(task, body)
         self._controller = controller
         self._total = 0.0
         self.steps = 0
@@ -69,7 +79,7 @@ class Lane:
 
     @property
     def scene(self) -> Scene:
-        """What there is to see."""
+        """The current scene."""
         scene: Scene = self._env.scene
         return scene
 
@@ -89,11 +99,11 @@ class PlaySession:
     Time stands still until you drive; editing your body starts the episode again.
 
     Args:
-        task: task and settings.
-        body: yours to begin with.
-        rival: an evolved robot for the same task, or None.
-        seed: of the scenarios.
-        endless: whether you may drive on after the task's 100 steps.
+        task: Task and settings.
+        body: Your body to begin with.
+        rival: Evolved robot for the same task, or None.
+        seed: Seed for sampling the scenarios.
+        endless: Let the episode continue after the task's 100 steps.
 
     Raises:
         BodyError: a body that the task cannot use.
@@ -109,11 +119,11 @@ class PlaySession:
         endless: bool = False,
     ) -> None:
         self._settings = task
-        self._task = self._settings.task
+        self.task = self._settings.task
         self.body = parse_body(body, self._settings.grid_size)
         self.rival_body = None if rival is None else rival.body
         self.problem: str | None = None
-        """Why your body cannot drive; None if it can."""
+        """Reason why your body cannot drive; None if it can."""
         self.yours = Lane(task, self.body, None)
         self.rivals: Lane | None = None
         if rival is not None:
@@ -125,17 +135,17 @@ class PlaySession:
     @property
     def cells(self) -> tuple[Cell, ...]:
         """Cell types that you may use."""
-        return (Cell.EMPTY, *self._task.part_cells)
+        return (Cell.EMPTY, *self.task.part_cells)
 
     @property
     def scenario(self) -> Scenario:
         """The current placements."""
-        drawn = sample_scenarios(self._task, self._seed, self._number + 1, self._settings.grid_size)
+        drawn = sample_scenarios(self.task, self._seed, self._number + 1, self._settings.grid_size)
         return drawn[-1]
 
     @property
     def finished(self) -> bool:
-        """Whether the episode is over for you."""
+        """True if the episode is over for you."""
         return not self._endless and self.yours.steps >= MAX_EPISODE_STEPS
 
     def restart(self) -> None:
@@ -147,7 +157,7 @@ class PlaySession:
         self.started = False
 
     def next_scenario(self) -> None:
-        """Go on with another scenario; regions take turns."""
+        """Take another scenario; regions take turns."""
         self._number += 1
         self.restart()
 
@@ -158,7 +168,7 @@ class PlaySession:
             BodyError: a cell type that the task has not.
         """
         if cell not in self.cells:
-            raise BodyError(f"{self._task.name} has no {cell.name.lower().replace('_', ' ')}.")
+            raise BodyError(f"{self.task.name} has no {self.task.cell_label(cell)}.")
         body = self.body.copy()
         body[row, column] = int(cell)
         self.wear(body)
@@ -167,7 +177,7 @@ class PlaySession:
         """Take a whole body and start again; ``problem`` says if it cannot drive."""
         self.body = parse_body(body, self._settings.grid_size)
         try:
-            self._task.check_body(self.body)
+            self.task.check_body(self.body)
         except BodyError as error:
             self.problem = str(error)
             return

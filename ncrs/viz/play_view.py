@@ -1,4 +1,4 @@
-"""How playing looks: the arenas above; below the editor, the palette, sensors, and the keys."""
+"""The picture of the game: arenas above; below editor, palette, sensors, and keys."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from functools import lru_cache
 import numpy as np
 
 from ncrs.viz.play_session import Lane, PlaySession
-from ncrs.viz.stills import Picture, ground, write
+from ncrs.viz.stills import Lettering, Picture, ground, write
 from ncrs_envs.body import Cell, sensor_mask
 from ncrs_envs.canvas import AMBER, BORDER, GREEN, SENSOR_BASE, SKY, TISSUE, VERMILION, WHITE, Color
 from ncrs_envs.rendering import draw_body, draw_scene
-from ncrs_envs.tasks import MAX_EPISODE_STEPS
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, Task
 
 ARENA = 420
 _TITLE = 26
@@ -32,18 +32,11 @@ _KEYS = (
     "+ and -   speed      Esc   quit",
 )
 _RIVAL_KEYS = ("B   take over the evolved body",)
-_NAMES = {
-    Cell.EMPTY: "empty",
-    Cell.TISSUE: "tissue",
-    Cell.LIGHT_SENSOR: "light sensor",
-    Cell.TARGET_SENSOR: "target sensor",
-    Cell.WHEEL: "wheel",
-}
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where things are, in pixels from the upper left."""
+    """Positions in the window, in pixels from the upper left."""
 
     grid_size: int
     arenas: int
@@ -92,10 +85,10 @@ def draw_play(session: PlaySession, chosen: Cell, speed: float, rival_title: str
     """The whole window, uint8 RGB.
 
     Args:
-        session: what to show.
-        chosen: the palette's choice.
-        speed: shown as it is; 1 is real time.
-        rival_title: over the evolved robot.
+        session: Session to show.
+        chosen: Cell type chosen in the palette.
+        speed: Multiple of real time, shown as it is.
+        rival_title: Title over the evolved robot.
     """
     layout = layout_of(session)
     width, height = layout.size
@@ -109,13 +102,13 @@ def draw_play(session: PlaySession, chosen: Cell, speed: float, rival_title: str
     left, top = layout.editor
     _put(picture, draw_body(session.body, _EDITOR), left, top)
     palette_left, palette_top = layout.palette(0)
-    _put(picture, _palette(layout.cells, chosen), palette_left - 3, palette_top - 3)
+    _put(picture, _palette(session.task, layout.cells, chosen), palette_left - 3, palette_top - 3)
     x = palette_left + 6 * _PALETTE
     picture = _sensors(picture, session, x, top)
     if session.rivals is not None:
         _put(picture, _help(width - x - _BARS - 60, *_RIVAL_KEYS), x + _BARS + 60, top)
     text, color = _status(session, speed)
-    return write(picture, (left, height - _MARGIN - 2), text, _TEXT, color, "ls")
+    return write(picture, (left, height - _MARGIN - 2), text, Lettering(_TEXT, color, "ls"))
 
 
 def _put(picture: Picture, part: Picture, left: int, top: int) -> None:
@@ -128,18 +121,19 @@ def _arena(lane: Lane, name: str) -> Picture:
     scene = lane.scene
     title = f"{name}:  step {lane.steps},  fitness {lane.fitness:.3f}"
     solved = "   solved" if scene.success else ""
-    head = write(ground(_TITLE, ARENA), (8, 5), title + solved, _TEXT, GREEN if solved else WHITE)
+    color = GREEN if solved else WHITE
+    head = write(ground(_TITLE, ARENA), (8, 5), title + solved, Lettering(_TEXT, color))
     return np.concatenate([head, draw_scene(scene, ARENA)], axis=0)
 
 
 @lru_cache(maxsize=4)
 def _help(width: int, *more: str) -> Picture:
     panel = ground(_DESK - 2 * _MARGIN - _TEXT, width)
-    return write(panel, (12, 4), "\n".join((*_KEYS, *more)), _TEXT, TISSUE)
+    return write(panel, (12, 4), "\n".join((*_KEYS, *more)), Lettering(_TEXT, TISSUE))
 
 
 @lru_cache(maxsize=16)
-def _palette(cells: tuple[Cell, ...], chosen: Cell) -> Picture:
+def _palette(task: Task, cells: tuple[Cell, ...], chosen: Cell) -> Picture:
     """The cells to choose from, with room for a frame of 3 pixels around each."""
     step = _PALETTE + _BETWEEN
     picture = ground(len(cells) * step, 5 * _PALETTE + 6)
@@ -149,7 +143,8 @@ def _palette(cells: tuple[Cell, ...], chosen: Cell) -> Picture:
             picture[top - 3 : top + _PALETTE + 3] = SENSOR_BASE
         _put(picture, _sample(cell), 3, top)
         at = (_PALETTE + 11, top + _PALETTE / 2)
-        picture = write(picture, at, f"{index + 1}  {_NAMES[cell]}", _TEXT, WHITE, "lm")
+        label = f"{index + 1}  {task.cell_label(cell)}"
+        picture = write(picture, at, label, Lettering(_TEXT, anchor="lm"))
     return picture
 
 
@@ -166,7 +161,7 @@ def _sensors(picture: Picture, session: PlaySession, left: int, top: int) -> Pic
     """A bar for each sensor, in row order; as many as there is room for."""
     values = session.yours.scene.sensor_values
     body = session.yours.scene.body
-    picture = write(picture, (left, top), "your sensors", _TEXT, WHITE)
+    picture = write(picture, (left, top), "your sensors", Lettering(_TEXT))
     room = (_EDITOR - 24) // 18
     places = np.argwhere(sensor_mask(body))
     for index, (row, column) in enumerate(places[: room - (len(places) > room)]):
@@ -176,11 +171,11 @@ def _sensors(picture: Picture, session: PlaySession, left: int, top: int) -> Pic
         picture[y : y + 12, left : left + _BARS] = SENSOR_BASE
         picture[y : y + 12, left : left + round(_BARS * value)] = color
         at = (left + _BARS + 8, y + 6)
-        picture = write(picture, at, f"{value:.2f}", _TEXT - 2, WHITE, "lm")
+        picture = write(picture, at, f"{value:.2f}", Lettering(_TEXT - 2, anchor="lm"))
     if len(places) > room:
         y = top + 24 + 18 * (room - 1)
         text = f"and {len(places) - room + 1} more"
-        picture = write(picture, (left, y), text, _TEXT - 2, TISSUE)
+        picture = write(picture, (left, y), text, Lettering(_TEXT - 2, TISSUE))
     return picture
 
 

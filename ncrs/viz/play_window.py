@@ -25,8 +25,8 @@ class PlayWindow:
     """A window on a session; a context manager.
 
     Args:
-        session: the game.
-        title: of the evolved robot.
+        session: Session to play.
+        title: Title of the evolved robot.
 
     Raises:
         VizError: there is no screen.
@@ -44,7 +44,7 @@ class PlayWindow:
         self._owed = 0.0
         self.speed = DEFAULT_SPEED
         self.chosen = Cell.WHEEL
-        """What a click puts into the body."""
+        """Cell type that a click puts into the body."""
         self.open = True
         try:
             pygame.display.init()

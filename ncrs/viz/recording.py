@@ -1,128 +1,92 @@
-"""A robot's life as data: its growth step by step, and episodes as scenes with NCA states."""
+"""Episodes of one robot on Box2D as scenes and NCA states, for pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
 
-import gymnasium
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from ncrs.automaton.control import Controller
-from ncrs.automaton.growth import grow, read_body, seed_state
-from ncrs.automaton.nca import NCA
+from ncrs.automaton.control import Controller, StateError
 from ncrs.automaton.threads import one_torch_thread
-from ncrs_envs.body import BodyGrid
+from ncrs.engines.box2d import drive
+from ncrs.runs.robot import EvolvedRobot
+from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Scenario, sample_scenarios
-from ncrs_envs.tasks import TaskSettings
-
-
-class Grown(Protocol):
-    """What a recording needs: a ``Champion`` and an ``Elite`` have it."""
-
-    @property
-    def nca(self) -> NCA:
-        """The automaton, genome set."""
-
-    @property
-    def body(self) -> NDArray[np.int8]:
-        """Cell codes, ``(n, n)``."""
-
-    @property
-    def task(self) -> TaskSettings:
-        """The task with its settings."""
-
-
-@dataclass(frozen=True, eq=False)
-class Growth:
-    """Growth from the seed cell, T steps."""
-
-    states: NDArray[np.float32]
-    """NCA states, the first of the seed, ``(T + 1, n, n, C)``."""
-    bodies: NDArray[np.int8]
-    """What each state would be read out as, ``(T + 1, n, n)``."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One episode on Box2D, T steps."""
+    """One episode, T steps."""
 
     scenes: Sequence[Scene]
-    """What there was to see: the start, then after every step; T + 1 of them."""
+    """Scenes at the start and after every step; T + 1 of them."""
     states: NDArray[np.float32]
     """NCA states at the same times, ``(T + 1, n, n, C)``."""
     rewards: NDArray[np.float64]
     """Reward of every step, ``(T,)``."""
+    fitness: float
+    """Mean reward, to the bit that of the ``box2d`` engine for the same set of scenarios."""
     scenario: Scenario
 
     @property
     def success(self) -> bool:
-        """Whether the task was ever solved."""
+        """True if the task was ever solved."""
         return self.scenes[-1].success
 
 
-def record_growth(robot: Grown) -> Growth:
-    """Grow a robot again and keep every state."""
-    nca, grid_size = robot.nca, robot.task.grid_size
-    with one_torch_thread():
-        _, grown = grow(nca, grid_size, history=True)
-    states = np.concatenate([seed_state(nca.channels, grid_size).movedim(0, -1)[None], grown])
-    channels_first = torch.from_numpy(states).movedim(-1, -3)
-    return Growth(states, read_body(channels_first, nca.layout))
+class _Recorder:
+    """Keeps every moment of E episodes."""
+
+    def __init__(self, episodes: Sequence[Episode]) -> None:
+        self._episodes = episodes
+        self._paths: list[list[tuple[float, float]]] = [[] for _ in episodes]
+        self.scenes: list[list[Scene]] = [[] for _ in episodes]
+        self.states: list[NDArray[np.float32]] = []
+        self.rewards: list[NDArray[np.float64]] = []
+
+    def __call__(
+        self, controller: Controller, gas: NDArray[np.float32], rewards: NDArray[np.float64]
+    ) -> None:
+        self.states.append(controller.states)
+        self.rewards.append(rewards)
+        for index, episode in enumerate(self._episodes):
+            self._paths[index].append(episode.pose[:2])
+            self.scenes[index].append(episode.scene(gas[index], self._paths[index]))
 
 
-def make_env(task: TaskSettings, body: BodyGrid) -> gymnasium.Env[Any, Any]:
-    """The Box2D environment of a task with its settings, for one body.
-
-    Raises:
-        BodyError: a body that the task cannot use.
-    """
-    settings = task
-    return gymnasium.make(
-        f"ncrs_envs:{settings.task.env_id}",
-        body=body.tolist(),
-        grid_size=settings.grid_size,
-        distance_score=settings.distance_score,
-        success_radius=settings.radius,
-    )
-
-
-def record_episode(robot: Grown, scenario: Scenario) -> Recording:
-    """Drive a robot through one episode on Box2D.
+def record(robot: EvolvedRobot, scenarios: Sequence[Scenario]) -> list[Recording]:
+    """Drive a robot through scenarios on Box2D, all in step, and keep every moment.
 
     Raises:
-        BodyError: a body that the task cannot use.
         ScenarioError: a scenario that does not fit the task.
+        StateError: the automaton's state has become non-finite.
     """
-    env = make_env(robot.task, robot.body)
-    controller = Controller(robot.nca, robot.body)
-    observation, _ = env.reset(options={"scenario": scenario})
-    unwrapped: Any = env.unwrapped
-    scenes: list[Scene] = [unwrapped.scene]
-    states = [controller.states]
-    rewards = []
-    truncated = False
+    for scenario in scenarios:
+        scenario.check(robot.task.task, robot.task.grid_size)
+    machine = Robot(robot.body)
+    episodes = [Episode(robot.task, machine, scenario) for scenario in scenarios]
+    recorder = _Recorder(episodes)
     with one_torch_thread():
-        while not truncated:
-            observation, reward, _, truncated, _ = env.step(controller.act(observation))
-            scenes.append(unwrapped.scene)
-            states.append(controller.states)
-            rewards.append(float(reward))
-    env.close()
-    return Recording(scenes, np.stack(states), np.array(rewards), scenario)
+        fitness = drive(robot.nca, episodes, recorder)
+    lost = np.flatnonzero(np.isnan(fitness))
+    if len(lost):
+        raise StateError(lost.tolist())
+    states, rewards = np.stack(recorder.states, axis=1), np.stack(recorder.rewards[1:], axis=1)
+    return [
+        Recording(recorder.scenes[index], states[index], rewards[index], float(value), scenario)
+        for index, (value, scenario) in enumerate(zip(fitness, scenarios, strict=True))
+    ]
 
 
-def record_episodes(robot: Grown, episodes: int, seed: int) -> list[Recording]:
+def record_episodes(robot: EvolvedRobot, episodes: int, seed: int) -> list[Recording]:
     """Drive a robot through ``episodes`` scenarios drawn from ``seed``; regions take turns.
 
     Raises:
-        BodyError: a body that the task cannot use.
         ScenarioError: ``episodes`` is not a positive integer.
+        StateError: the automaton's state has become non-finite.
     """
     settings = robot.task
-    scenarios = sample_scenarios(settings.task, seed, episodes, settings.grid_size)
-    return [record_episode(robot, scenario) for scenario in scenarios]
+    return record(robot, sample_scenarios(settings.task, seed, episodes, settings.grid_size))

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.runs.champion import CHAMPION_FILE, Champion, load_champion_file
-from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, load_archive
+from ncrs.runs.champion import Champion, find_champion
+from ncrs.runs.elites import EliteArchive, find_archive
 from ncrs.runs.metrics import METRICS_FILE, read_metrics
 from ncrs.runs.settings import SETTINGS_FILE, TrainConfig, load_config
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import TASKS
 
 _SWEEP_DEPTHS = ("*/", "*/*/")
-"""Where runs lie in the folder of a sweep, or of several sweeps."""
+"""Patterns of runs in the folder of a sweep, or of several sweeps."""
 
 
 class VizError(NCRSError, ValueError):
@@ -43,8 +43,7 @@ class Run:
 
     def champion(self) -> Champion | None:
         """The champion; None if the run has none yet."""
-        path = self.folder / CHAMPION_FILE
-        return load_champion_file(path) if path.is_file() else None
+        return find_champion(self.folder)
 
     def metrics(self) -> Mapping[str, NDArray[np.float64]] | None:
         """Curves by name; None if the run has no table of them."""
@@ -52,8 +51,7 @@ class Run:
 
     def archive(self) -> EliteArchive | None:
         """The archive; None if the run has none, or an empty one."""
-        path = self.folder / ARCHIVE_FILE
-        archive = load_archive(path) if path.is_file() else None
+        archive = find_archive(self.folder)
         return archive if archive is not None and len(archive.archive) else None
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -12,30 +13,25 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ncrs.viz.archive_grid import ArchiveGrid
 from ncrs_envs.body import BodyGrid
-from ncrs_envs.canvas import BORDER, GRID, GROUND, WHITE, Color, Point
+from ncrs_envs.canvas import AMOUNTS, BORDER, GRID, GROUND, WHITE, Color, Point
 from ncrs_envs.rendering import draw_body
 
 Picture = NDArray[np.uint8]
 """RGB, ``(height, width, 3)``."""
 
-# Matplotlib's viridis at nine equal steps: even in lightness, and safe for the colour-blind.
-_RAMP = np.array(
-    [
-        (68, 1, 84), (71, 44, 122), (59, 81, 139), (44, 113, 142), (33, 144, 141),
-        (39, 173, 129), (92, 200, 99), (170, 220, 50), (253, 231, 37),
-    ],
-    dtype=np.float64,
-)  # fmt: skip
 _GAP = 6
 
 
-def ramp(values: NDArray[np.floating], low: float, high: float) -> Picture:
-    """Colours from dark blue (``low``) to yellow (``high``); uint8, one axis of 3 more."""
-    share = np.clip((values - low) / (high - low if high > low else 1.0), 0.0, 1.0)
-    place = share * (len(_RAMP) - 1)
-    below = np.minimum(place.astype(int), len(_RAMP) - 2)
+def ramp(
+    values: NDArray[np.floating], low: float, high: float, scale: Sequence[Color] = AMOUNTS
+) -> Picture:
+    """Colours of a scale, its first at ``low`` and its last at ``high``; one axis of 3 more."""
+    stops = np.asarray(scale, dtype=np.float64)
+    fraction = np.clip((values - low) / (high - low if high > low else 1.0), 0.0, 1.0)
+    place = fraction * (len(stops) - 1)
+    below = np.minimum(place.astype(int), len(stops) - 2)
     rest = (place - below)[..., None]
-    return np.asarray(_RAMP[below] * (1.0 - rest) + _RAMP[below + 1] * rest + 0.5, dtype=np.uint8)
+    return np.asarray(stops[below] * (1.0 - rest) + stops[below + 1] * rest + 0.5, dtype=np.uint8)
 
 
 @lru_cache(maxsize=16)
@@ -43,12 +39,21 @@ def _font(size: int) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
     return ImageFont.load_default(size)
 
 
-def write(
-    picture: Picture, at: Point, text: str, size: int, color: Color = WHITE, anchor: str = "la"
-) -> Picture:
-    """A copy of a picture with text; ``anchor`` is Pillow's."""
+@dataclass(frozen=True)
+class Lettering:
+    """Size in pixels, colour and anchor of a text; the anchor is Pillow's, the upper left one."""
+
+    size: int
+    color: Color = WHITE
+    anchor: str = "la"
+
+
+def write(picture: Picture, at: Point, text: str, look: Lettering) -> Picture:
+    """A copy of a picture with text."""
     image = Image.fromarray(picture)
-    ImageDraw.Draw(image).multiline_text(at, text, fill=color, font=_font(size), anchor=anchor)
+    ImageDraw.Draw(image).multiline_text(
+        at, text, fill=look.color, font=_font(look.size), anchor=look.anchor
+    )
     return np.array(image)
 
 
@@ -63,9 +68,9 @@ def strip(
     """Bodies side by side, each with a caption below.
 
     Args:
-        bodies: at least one.
-        captions: one for each.
-        side: of a body in pixels.
+        bodies: Cell codes of at least one body.
+        captions: Caption of each body.
+        side: Side of a body in pixels.
     """
     text = max(10, side // 8)
     picture = ground(side + 3 * text, len(bodies) * (side + _GAP) - _GAP)
@@ -74,7 +79,7 @@ def strip(
         picture[:side, left : left + side] = draw_body(body, side)
     for index, caption in enumerate(captions):
         middle = index * (side + _GAP) + side / 2
-        picture = write(picture, (middle, side + text / 2), caption, text, anchor="ma")
+        picture = write(picture, (middle, side + text / 2), caption, Lettering(text, anchor="ma"))
     return picture
 
 
@@ -84,10 +89,11 @@ def heatmaps(
     """All panels of an archive: sensors to the right, wheels upwards, the number of cells above.
 
     Args:
-        grid: the panels.
-        low, high: ends of the colour scale.
-        columns: panels in a row.
-        pixels: side of a cell of a panel.
+        grid: Panels.
+        low: Value at the lower end of the colour scale.
+        high: Value at its upper end.
+        columns: Number of panels in a row.
+        pixels: Side of a cell of a panel.
     """
     panels, sensors, wheels = grid.values.shape
     text = 12
@@ -106,6 +112,6 @@ def heatmaps(
         picture[top + wheels * pixels, left : left + sensors * pixels] = BORDER
     for index in range(panels):
         at = (float(index % columns * width), float(index // columns * height + 2))
-        picture = write(picture, at, f"{grid.cells[index]} cells", text)
+        picture = write(picture, at, f"{grid.cells[index]} cells", Lettering(text))
     label = f"fitness {low:.3f} (dark) to {high:.3f} (yellow);  x: sensors, y: wheels"
-    return write(picture, (2.0, picture.shape[0] - 1.5 * text), label, text)
+    return write(picture, (2.0, picture.shape[0] - 1.5 * text), label, Lettering(text))

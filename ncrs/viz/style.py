@@ -1,4 +1,4 @@
-"""How figures look, and how they are saved: PNG, SVG, and the data behind them as CSV."""
+"""Style of figures, and their files: PNG, SVG, and the data behind them as CSV."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from ncrs.runs.checkpoint import write_atomically
+from ncrs_envs.canvas import Color
 
 WIDTH = 7.0
 """Inches: two columns of a page."""
@@ -25,13 +28,13 @@ LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (8, 2))
 """Line styles that repeat every distinction that a colour makes."""
 EMPTY_CELL = "#e4e4e4"
 
-TASK_NAMES = {"light_chase": "LightChase", "obstacle": "Obstacle", "carry_ball": "CarryBall"}
 METHOD_NAMES = {
     "sep_cma_es": "sep-CMA-ES",
     "cma_es": "CMA-ES",
     "cma_me": "CMA-ME",
     "cma_mae": "CMA-MAE",
     "map_elites": "MAP-Elites",
+    "iso_cma_es": "iso-CMA-ES",
 }
 
 _STYLE: dict[Any, Any] = {
@@ -53,16 +56,16 @@ _STYLE: dict[Any, Any] = {
 }
 
 
+def colormap(scale: Sequence[Color]) -> Colormap:
+    """A scale of colours as matplotlib takes it."""
+    return LinearSegmentedColormap.from_list("scale", np.asarray(scale) / 255.0)
+
+
 @contextmanager
 def style() -> Iterator[None]:
     """Within the block, figures are made and saved in the house style."""
     with mpl.rc_context(_STYLE):
         yield
-
-
-def task_name(task: str) -> str:
-    """A task's name as it is printed."""
-    return TASK_NAMES.get(task, task)
 
 
 def method_name(method: str) -> str:

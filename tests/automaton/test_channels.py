@@ -25,6 +25,16 @@ def test_part_codes_follow_the_channels():
     assert nca_layout("carry_ball").part_codes == (1, 2, 3, 4)
 
 
+def test_every_channel_has_a_name():
+    names = nca_layout("carry_ball").channel_names
+    assert names[:6] == ["body", "control flag", "tissue", "ball sensor", "target sensor", "wheel"]
+    assert names[6:] == [*(f"hidden {index}" for index in range(1, 7)), "input/output"]
+    assert nca_layout("obstacle").channel_names[3:5] == ["light sensor", "wheel"]
+    for task in ("light_chase", "carry_ball"):
+        layout = nca_layout(task)
+        assert len(layout.channel_names) == layout.channels
+
+
 @pytest.mark.parametrize(("grid_size", "steps"), [(3, 5), (4, 5), (5, 10), (7, 15), (15, 35)])
 def test_growth_steps(grid_size, steps):
     assert growth_steps(grid_size) == steps

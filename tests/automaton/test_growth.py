@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from ncrs.automaton.channels import nca_layout
-from ncrs.automaton.growth import grow, read_body
+from ncrs.automaton.growth import grow, read_body, record_growth
 from ncrs.automaton.nca import NCA, NCAPopulation
 from ncrs_envs.body import BodyError
 
@@ -84,3 +84,19 @@ def test_stochastic_growth_repeats_with_its_seed(full_genome):
 def test_bad_grid_size(grid_size):
     with pytest.raises(BodyError, match="grid_size"):
         grow(NCA(), grid_size)
+
+
+def test_recorded_growth_starts_with_the_seed_and_ends_with_the_body(genomes):
+    vectors = genomes(3, 4572)
+    growth = record_growth(NCAPopulation(vectors, "light_chase"))
+    assert growth.states.shape == (3, 11, 5, 5, 12)
+    assert growth.bodies.shape == (3, 11, 5, 5)
+    assert (growth.states[:, 0, 2, 2, 0] == 1.0).all()
+    assert np.count_nonzero(growth.states[:, 0]) == 3
+    for index, vector in enumerate(vectors):
+        nca = NCA("light_chase").set_genome(vector)
+        alone = record_growth(nca, 5)
+        body, states = grow(nca, history=True)
+        np.testing.assert_array_equal(alone.states[1:], states)
+        np.testing.assert_array_equal(alone.bodies[-1], body)
+        np.testing.assert_allclose(alone.states, growth.states[index], atol=1e-5)

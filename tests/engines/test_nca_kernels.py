@@ -27,7 +27,7 @@ from ncrs.engines.nca_kernels import (
     link_cells,
     network_of,
     pack_genomes,
-    seed_state,
+    seed_lanes,
 )
 from ncrs_envs.body import sensor_mask, wheel_mask
 
@@ -57,7 +57,7 @@ def recording(request) -> Recording:
 
 def _grown_states(network, channels: int, grid_size: int) -> np.ndarray:
     graph = link_cells(np.ones((grid_size, grid_size), dtype=np.int8), channels, 0)
-    state = seed_state(grid_size)
+    state = seed_lanes(grid_size)
     states = []
     for _ in range(growth_steps(grid_size)):
         updated = np.empty_like(state)

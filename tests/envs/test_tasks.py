@@ -50,13 +50,30 @@ def test_the_message_says_which_parts_are_missing_and_how_many():
     with pytest.raises(BodyError) as caught:
         CARRY_BALL.check_body(parse_body(["W..", "...", "..."]))
     text = str(caught.value)
-    assert "1 light sensor (code 2), has 0" in text
+    assert "1 ball sensor (code 2), has 0" in text
     assert "1 target sensor (code 3), has 0" in text
     assert "2 wheels (code 4), has 1" in text
 
 
+@pytest.mark.parametrize(
+    ("name", "title", "sensor"),
+    [
+        ("light_chase", "LightChase", "light sensor"),
+        ("obstacle", "Obstacle", "light sensor"),
+        ("carry_ball", "CarryBall", "ball sensor"),
+    ],
+)
+def test_names_for_people(name, title, sensor):
+    task = TASKS[name]
+    assert task.title == title
+    assert task.env_id == f"NCRS-{title}-v0"
+    assert task.cell_label(Cell.LIGHT_SENSOR) == sensor
+    assert task.cell_label(Cell.TARGET_SENSOR) == "target sensor"
+    assert task.cell_label(Cell.WHEEL) == "wheel"
+
+
 def test_a_target_sensor_is_foreign_to_light_chase():
-    with pytest.raises(BodyError, match=r"cannot hold target_sensor cells \(code 3, found 1\)"):
+    with pytest.raises(BodyError, match=r"cannot hold target sensor cells \(code 3, found 1\)"):
         LIGHT_CHASE.check_body(parse_body(["LTW", "W..", "..."]))
 
 

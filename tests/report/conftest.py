@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ncrs.automaton.channels import nca_layout
-from ncrs.report import build_report
+from ncrs.report import ReportOptions, build_report
 from ncrs.runs.champion import CHAMPION_FILE, Champion
 from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, make_archive
 from ncrs.runs.settings import TrainConfig, save_config
@@ -104,4 +104,4 @@ def run_dir(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def report(run_dir):
-    return build_report(run_dir, episodes=EPISODES)
+    return build_report(run_dir, options=ReportOptions(episodes=EPISODES))

@@ -9,7 +9,7 @@ import pytest
 
 import ncrs
 from ncrs.cli import main
-from ncrs.report import ReportError, build_report
+from ncrs.report import ReportError, ReportOptions, build_report
 from ncrs.report.build import CHUNK
 from ncrs.runs.champion import load_champion_file
 from ncrs.runs.elites import ARCHIVE_FILE, load_archive
@@ -79,7 +79,7 @@ def test_growth_is_the_automatons(run_dir, report, overview, read_data, values):
 @pytest.mark.parametrize("task", ["light_chase", "obstacle", "carry_ball"])
 def test_episodes_are_those_of_the_environment(tmp_path, task, read_data, values, small_run):
     run = small_run(tmp_path / task, task, elites=3)
-    report = build_report(run, episodes=EPISODES)
+    report = build_report(run, options=ReportOptions(episodes=EPISODES))
     overview = read_data(report.page.parent, "overview")[2]
     records = read_data(report.page.parent, "robots-0")[2]
     archive = load_archive(run).archive
@@ -128,13 +128,13 @@ def test_episodes_are_those_of_the_environment(tmp_path, task, read_data, values
 
 def test_report_does_not_depend_on_how_robots_are_batched(run_dir, report, tmp_path, monkeypatch):
     monkeypatch.setattr("ncrs.report.build._BATCH", CHUNK)
-    other = build_report(run_dir, tmp_path / "other", episodes=EPISODES)
+    other = build_report(run_dir, tmp_path / "other", ReportOptions(episodes=EPISODES))
     for path in sorted((report.page.parent / "data").iterdir()):
         assert (other.page.parent / "data" / path.name).read_text() == path.read_text()
 
 
 def test_champion_alone_is_recorded_when_asked(run_dir, tmp_path, read_data):
-    report = build_report(run_dir, tmp_path / "page", elites="champion", episodes=1)
+    report = build_report(run_dir, tmp_path / "page", ReportOptions(elites="champion", episodes=1))
     assert report.recorded == 1
     overview = read_data(report.page.parent, "overview")[2]
     assert overview["records"]["first"] == overview["robots"]["champion"] == report.robots - 1
@@ -143,10 +143,12 @@ def test_champion_alone_is_recorded_when_asked(run_dir, tmp_path, read_data):
 
 
 def test_run_without_archive_or_without_champion(tmp_path, read_data, small_run):
-    alone = build_report(small_run(tmp_path / "alone", elites=0), episodes=1)
+    options = ReportOptions(episodes=1)
+    alone = build_report(small_run(tmp_path / "alone", elites=0), options=options)
     assert alone.robots == 1
     assert 'id="panels"' not in alone.page.read_text()
-    elites = build_report(small_run(tmp_path / "elites", elites=2, with_champion=False), episodes=1)
+    run = small_run(tmp_path / "elites", elites=2, with_champion=False)
+    elites = build_report(run, options=options)
     assert read_data(elites.page.parent, "overview")[2]["robots"]["champion"] is None
 
 
@@ -161,7 +163,7 @@ def test_page_names_nothing_on_the_network(report):
 
 def test_text_of_a_run_is_not_read_as_html(tmp_path, small_run):
     run = small_run(tmp_path / "<b>x&y", elites=2)
-    page = build_report(run, tmp_path / "page", episodes=1).page.read_text()
+    page = build_report(run, tmp_path / "page", ReportOptions(episodes=1)).page.read_text()
     assert "&lt;b&gt;x&amp;y" in page
     assert "<b>x" not in page
 
@@ -174,9 +176,9 @@ def test_bad_input_is_one_clear_sentence(tmp_path, run_dir, capsys, small_run):
         build_report(unfinished)
     elites = small_run(tmp_path / "elites", elites=2, with_champion=False)
     with pytest.raises(ReportError, match="has no champion yet"):
-        build_report(elites, elites="champion")
+        build_report(elites, options=ReportOptions(elites="champion"))
     with pytest.raises(ReportError, match="elites must be 'all' or 'champion'"):
-        build_report(run_dir, elites="best")
+        build_report(run_dir, options=ReportOptions(elites="best"))
     with pytest.raises(SystemExit) as stop:
         main(["report", str(run_dir), "--episodes", "0", "--output", str(tmp_path / "page")])
     assert stop.value.code == 2
@@ -195,7 +197,7 @@ def test_nothing_but_a_report_is_written_over(run_dir, tmp_path, capsys):
     precious.mkdir()
     (precious / "thesis.txt").write_text("years of work")
     with pytest.raises(ReportError, match="is no report"):
-        build_report(run_dir, precious, elites="champion", episodes=1)
+        build_report(run_dir, precious, ReportOptions(elites="champion", episodes=1))
     assert (precious / "thesis.txt").read_text() == "years of work"
     page = tmp_path / "page"
     for _ in range(2):

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from ncrs.report import build_report
+from ncrs.report import ReportOptions, build_report
 from ncrs.runs.elites import load_archive
 from tests.report.browser import CHROMIUM, DRIVER, Page, start_chromium
 
@@ -289,7 +289,7 @@ def test_dark_scheme_and_contrast(page):
     for scheme in ("light", "dark"):
         page.driver.execute_cdp_cmd(
             "Emulation.setEmulatedMedia",
-            {"measures": [{"name": "prefers-color-scheme", "value": scheme}]},
+            {"features": [{"name": "prefers-color-scheme", "value": scheme}]},
         )
         page.open()
         colors = page.js(
@@ -302,7 +302,7 @@ def test_dark_scheme_and_contrast(page):
         assert contrast(ground, text) > 7
         assert contrast(ground, quiet) > 4.5
         seen.append(ground)
-    page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"measures": []})
+    page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
     assert sum(seen[0]) > 600 > 200 > sum(seen[1])
 
 
@@ -332,7 +332,7 @@ def test_missing_data_file_is_said(page, tmp_path):
 @pytest.mark.parametrize(("task", "grid_size"), [("obstacle", 5), ("carry_ball", 7)])
 def test_page_of_a_champion_alone(chromium, small_run, tmp_path, task, grid_size):
     run = small_run(tmp_path / "run", task, elites=0, grid_size=grid_size)
-    report = build_report(run, episodes=1)
+    report = build_report(run, options=ReportOptions(episodes=1))
     page = Page(chromium, report.page.resolve())
     chromium.get_log("browser")
     page.open()
@@ -345,7 +345,7 @@ def test_page_of_a_champion_alone(chromium, small_run, tmp_path, task, grid_size
 
 
 def test_elites_without_records_show_their_numbers(chromium, run_dir, archive, tmp_path):
-    report = build_report(run_dir, tmp_path / "page", elites="champion", episodes=1)
+    report = build_report(run_dir, tmp_path / "page", ReportOptions(elites="champion", episodes=1))
     page = Page(chromium, report.page.resolve())
     page.open()
     page.click(page.cell(archive.measures[4]))

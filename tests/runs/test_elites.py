@@ -103,7 +103,7 @@ def test_what_is_not_there_is_said_with_what_is_nearest(found):
     with pytest.raises(EliteError, match="is empty; the nearest filled are") as caught:
         elites.elite(empty)
     assert str(nearest) in str(caught.value)
-    with pytest.raises(EliteError, match="cannot be: at least 1 sensors and 2 wheels"):
+    with pytest.raises(EliteError, match="is impossible: at least 1 sensors and 2 wheels"):
         elites.elite((0, 2, 8))
     for wrong in [(2, 8), (2.0, 8.0, 25.0)]:
         with pytest.raises(EliteError, match="three integers"):

@@ -18,8 +18,9 @@ import ncrs.runs.published
 from ncrs.cli import main
 from ncrs.runs.assessment import assess
 from ncrs.runs.checkpoint import CheckpointError
-from ncrs.runs.published import ChampionError, champions_folder, file_stem, load_any_champion
-from ncrs.runs.settings import ConfigError, config_from_dict
+from ncrs.runs.published import ChampionError, champions_folder, file_stem
+from ncrs.runs.settings import config_from_dict
+from ncrs.runs.sources import SourceError, load_robot
 from ncrs.training.hydra import register, train_config
 from ncrs_envs.tasks import TASKS
 
@@ -70,8 +71,8 @@ def test_the_best_light_chaser_beats_the_papers():
 def test_an_unknown_name_is_answered_with_those_known():
     with pytest.raises(ChampionError, match="light_chase/best"):
         ncrs.load_champion("light_chase/worst")
-    with pytest.raises(ConfigError, match="light_chase/best"):
-        load_any_champion("light_chase/worst")
+    with pytest.raises(SourceError, match=r"does not exist.*light_chase/best"):
+        load_robot("light_chase/worst")
 
 
 def test_a_damaged_card_is_recognised(tmp_path, monkeypatch):

@@ -12,7 +12,7 @@ from ncrs.runs.champion import load_champion_file
 from ncrs.runs.elites import load_archive
 from ncrs.runs.metrics import read_metrics
 from ncrs.viz.figures_curves import fitness_plot
-from ncrs.viz.figures_robots import channel_names
+from ncrs.viz.options import FigureOptions
 from ncrs.viz.runs import VizError, find_runs, group_runs
 
 
@@ -77,7 +77,7 @@ def test_channels_and_positions(sweep, figures):
     champion = load_champion_file(sweep / "2")
     rows = table(figures / "channels_light_chase_map_elites.csv")
     assert len(rows) == 3 * 25 * 12
-    assert list(dict.fromkeys(row["channel"] for row in rows)) == channel_names(champion.nca)
+    assert list(dict.fromkeys(row["channel"] for row in rows)) == champion.nca.layout.channel_names
     seed = [row for row in rows if row["moment"] == "seed" and float(row["value"]) != 0.0]
     assert [(row["channel"], row["row"], row["column"]) for row in seed] == [("body", "2", "2")]
     positions = table(figures / "positions_light_chase_map_elites.csv")
@@ -97,7 +97,7 @@ def test_evaluations_can_be_the_axis(sweep):
     plot = fitness_plot(group_runs(find_runs([sweep / "0"])), "evaluations")
     assert [row[2] for row in plot.rows] == [16.0, 32.0]
     with pytest.raises(VizError, match="must be one of"):
-        fitness_plot([], "hours")
+        FigureOptions(axis="hours")
 
 
 def test_a_run_is_found_once(sweep):

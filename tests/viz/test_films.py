@@ -7,10 +7,12 @@ from PIL import Image
 
 from ncrs.cli import main
 from ncrs.runs.elites import load_archive
+from ncrs.runs.sources import load_robot
 from ncrs.viz import film_files
-from ncrs.viz.films import channel_picture, check_height, growth_frames, timed_frames
-from ncrs.viz.robots import load_robot
+from ncrs.viz.films import FilmSize, channel_picture, growth_frames, timed_frames
+from ncrs.viz.options import FilmOptions
 from ncrs.viz.runs import VizError
+from ncrs_envs.canvas import SIGNED
 
 
 @pytest.fixture(scope="module")
@@ -38,14 +40,15 @@ def test_mp4_and_gif_have_the_length_of_the_story(sweep, tmp_path, capsys):
 
 
 def test_growth_starts_with_the_seed_and_ends_with_the_body(robot):
-    frames = list(growth_frames(robot, "title", check_height(240)))
+    frames = list(growth_frames(robot, FilmSize(240)))
     assert len(frames) == 11
     assert frames[0].shape == (240, 360, 3)
     assert (np.abs(frames[0].astype(int) - frames[-1])[:, :240] > 50).any()
 
 
 def test_the_episode_moves(robot):
-    frames = [frame for frame, _ in timed_frames(robot, "title", 1, 0, 1.0, check_height(240))]
+    options = FilmOptions(episodes=1, speed=1.0, height=240)
+    frames = [frame for frame, _ in timed_frames(robot, options)]
     assert len(frames) == 12 + 102
     first, last = frames[12].astype(int), frames[-1]
     assert (np.abs(first - last)[:, :240] > 50).any()
@@ -55,10 +58,10 @@ def test_channels_are_drawn_in_their_order():
     state = np.zeros((5, 5, 12), dtype=np.float32)
     state[0, 0, 6] = 9.0
     picture = channel_picture(state, 200)
-    yellow = np.argwhere((picture == (253, 231, 37)).all(axis=-1))
+    orange = np.argwhere((picture == SIGNED[-1]).all(axis=-1))
     pixels = ((204 // 5) - 4) // 5
-    assert len(yellow) == pixels**2
-    assert yellow.min(axis=0).tolist() == [5 * pixels + 4, 5 * pixels + 4]
+    assert len(orange) == pixels**2
+    assert orange.min(axis=0).tolist() == [5 * pixels + 4, 5 * pixels + 4]
 
 
 def test_an_elite_and_a_genome_are_robots_too(sweep, tmp_path, robot):
@@ -70,6 +73,7 @@ def test_an_elite_and_a_genome_are_robots_too(sweep, tmp_path, robot):
     again = load_robot(path, task="light_chase")
     np.testing.assert_array_equal(again.body, robot.body)
     assert again.title == "genome"
+    assert np.isnan(again.fitness)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +82,7 @@ def test_an_elite_and_a_genome_are_robots_too(sweep, tmp_path, robot):
         (["{tmp}/none"], "does not exist"),
         (["{tmp}"], "holds no run"),
         (["{tmp}/young"], "has no champion yet"),
-        (["{run}", "--measures", "9", "9", "9"], "cannot be: at least"),
+        (["{run}", "--measures", "9", "9", "9"], "is impossible: at least"),
         (["{run}", "--task", "obstacle"], "says its own"),
         (["{tmp}/genome.npy"], "say what it is for"),
         (["{tmp}/genome.npy", "--task", "carry_ball"], "has 4873 weights"),

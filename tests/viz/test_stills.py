@@ -3,9 +3,9 @@
 import numpy as np
 
 from ncrs.viz.archive_grid import archive_grid
-from ncrs.viz.stills import heatmaps, ramp, strip, write
+from ncrs.viz.stills import Lettering, heatmaps, ramp, strip, write
 from ncrs_envs.body import parse_body
-from ncrs_envs.canvas import GRID, GROUND
+from ncrs_envs.canvas import GRID, GROUND, SIGNED
 
 TRIPLES = np.array([[1, 2, 3], [1, 2, 4], [1, 3, 4], [2, 2, 4]])
 
@@ -23,6 +23,11 @@ def test_the_ramp_ends_where_viridis_does():
     colors = ramp(np.array([-1.0, 0.0, 1.0, 9.0]), 0.0, 1.0)
     assert colors.tolist() == [[68, 1, 84], [68, 1, 84], [253, 231, 37], [253, 231, 37]]
     assert ramp(np.array([0.5]), 0.5, 0.5).tolist() == [[68, 1, 84]]
+
+
+def test_zero_is_white_on_the_signed_scale():
+    colors = ramp(np.array([-9.0, 0.0, 0.5, 1.0]), -1.0, 1.0, SIGNED)
+    assert colors.tolist() == [[8, 64, 129], [247, 247, 247], [241, 150, 70], [127, 59, 8]]
 
 
 def test_heatmaps_show_sensors_to_the_right_and_wheels_upwards():
@@ -47,5 +52,5 @@ def test_a_strip_has_a_place_for_every_body():
 
 def test_text_is_written_on_a_copy():
     blank = np.zeros((20, 40, 3), dtype=np.uint8)
-    assert write(blank, (2, 2), "text", 12).max() > 200
+    assert write(blank, (2, 2), "text", Lettering(12)).max() > 200
     assert blank.max() == 0

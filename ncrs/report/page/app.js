@@ -8,7 +8,7 @@
     const match = /^#show=([\w+-]+)$/.exec(location.hash);
     if (!match) return [];
     return match[1].split("+").slice(0, 2)
-      .map((name) => (name === "champion" ? champion : NCRSReport.robotWithFeatures(name)))
+      .map((name) => (name === "champion" ? champion : NCRSReport.robotWithMeasures(name)))
       .filter((robot) => robot !== null);
   }
 

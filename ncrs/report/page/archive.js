@@ -4,7 +4,7 @@
 
 (() => {
   const { element } = NCRSReport;
-  const byFeatures = new Map(); // element of each possible triple
+  const byMeasures = new Map(); // element of each possible triple
   let current = null;
 
   const name = (measures) => measures.join("-");
@@ -37,7 +37,7 @@
         const cell = element("div", { role: "gridcell", tabindex: -1, "data-measures": measures,
           "data-robot": robotAt.get(measures), "aria-selected": "false" });
         cell.setAttribute("aria-label", describe(cell));
-        byFeatures.set(measures, cell);
+        byMeasures.set(measures, cell);
         row.append(cell);
       }
       grid.append(row);
@@ -53,12 +53,12 @@
     const { robots } = NCRSReport.overview;
     const values = robots[by].slice(0, robots.elites);
     const [low, high] = COLUMNS[by].range || [Math.min(...values), Math.max(...values)];
-    for (const cell of byFeatures.values()) {
+    for (const cell of byMeasures.values()) {
       if (cell.dataset.robot === undefined) continue;
       cell.style.background = NCRSReport.amountColor(values[Number(cell.dataset.robot)], low, high);
     }
     const ramp = element("span", { class: "ramp" });
-    ramp.style.background = NCRSReport.amountRamp;
+    ramp.style.background = NCRSReport.ramp("amount");
     document.getElementById("legend").replaceChildren(
       element("span", { class: "low" }, COLUMNS[by].text(low)), ramp,
       element("span", { class: "high" }, COLUMNS[by].text(high)),
@@ -92,7 +92,7 @@
 
   function neighbour(key) {
     const [sensors, wheels, cells] = current.dataset.measures.split("-").map(Number);
-    const at = (...measures) => byFeatures.get(name(measures));
+    const at = (...measures) => byMeasures.get(name(measures));
     const row = current.parentElement;
     return {
       ArrowRight: () => at(sensors + 1, wheels, cells),
@@ -124,7 +124,7 @@
     event.preventDefault();
     const form = event.target.elements;
     const measures = ["sensors", "wheels", "cells"].map((field) => form[field].value.trim());
-    const cell = byFeatures.get(measures.join("-"));
+    const cell = byMeasures.get(measures.join("-"));
     if (cell && cell.dataset.robot !== undefined) choose(cell);
     const info = cell ? describe(cell)
       : `No body of this task can have ${measures[0]} sensors, ${measures[1]} wheels and ${measures[2]} cells.`;
@@ -157,7 +157,7 @@
     document.getElementById("colour-by").addEventListener("change", paint);
     document.getElementById("find").addEventListener("submit", find);
     paint();
-    move(byFeatures.get(name(robots.measures[NCRSReport.bestElite()])), false);
+    move(byMeasures.get(name(robots.measures[NCRSReport.bestElite()])), false);
   };
 
   NCRSReport.bestElite = () => {
@@ -168,7 +168,7 @@
   };
 
   NCRSReport.markShown = (shown) => {
-    for (const cell of byFeatures.values()) {
+    for (const cell of byMeasures.values()) {
       const isShown = shown.includes(Number(cell.dataset.robot ?? -1));
       if ((cell.getAttribute("aria-selected") === "true") !== isShown) {
         cell.setAttribute("aria-selected", String(isShown));
@@ -180,8 +180,8 @@
     if (current) move(current, true);
   };
 
-  NCRSReport.robotWithFeatures = (measures) => {
-    const robot = byFeatures.get(measures)?.dataset.robot;
+  NCRSReport.robotWithMeasures = (measures) => {
+    const robot = byMeasures.get(measures)?.dataset.robot;
     return robot === undefined ? null : Number(robot);
   };
 })();

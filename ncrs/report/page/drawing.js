@@ -17,9 +17,9 @@
   }
 
   // "rgb(r, g, b)" of the way from one colour to another.
-  function mix(from, to, share) {
+  function mix(from, to, fraction) {
     const [a, b] = [from, to].map((color) => color.match(/\d+/g).map(Number));
-    return `rgb(${a.map((value, i) => Math.round(value + (b[i] - value) * share)).join(", ")})`;
+    return `rgb(${a.map((value, i) => Math.round(value + (b[i] - value) * fraction)).join(", ")})`;
   }
 
   // One cell, centred on the origin, of side 2; value is a sensor's, gas a wheel's.

@@ -11,20 +11,20 @@
     const size = gridSize * gridSize;
     const heading = element("h4", {}, title);
     const canvases = channels.map(() => element("canvas", { role: "img" }));
-    const least = element("span"), most = element("span");
+    const low = element("span"), high = element("span");
     const figures = channels.map((name, i) =>
       element("figure", { class: "channel" }, canvases[i], element("figcaption", {}, name.replace("/", "/\u200b"))));
     const ramp = element("span");
-    ramp.style.background = NCRSReport.signedRamp;
+    ramp.style.background = NCRSReport.ramp("signed");
     const box = element("div", {}, heading, element("div", { class: "channels" }, ...figures),
-      element("div", { class: "scale", "aria-hidden": "true" }, least, ramp, most));
+      element("div", { class: "scale", "aria-hidden": "true" }, low, ramp, high));
 
     function show(states, from, text) {
       const all = states.subarray(from, from + channels.length * size);
       const limit = Math.max(...all.map(Math.abs), 0.1);
       heading.textContent = text;
-      least.textContent = (-limit).toFixed(1);
-      most.textContent = limit.toFixed(1);
+      low.textContent = (-limit).toFixed(1);
+      high.textContent = limit.toFixed(1);
       channels.forEach((name, i) => {
         const values = all.subarray(i * size, (i + 1) * size);
         NCRSReport.drawChannel(canvases[i], values, limit);

@@ -7,7 +7,7 @@
   const players = new Map(); // player of each card
   let isComparing = false;
 
-  const percent = (share) => `${(100 * share).toFixed(0)} %`;
+  const percent = (fraction) => `${(100 * fraction).toFixed(0)} %`;
 
   function numbers(robot) {
     const { robots } = NCRSReport.overview;

@@ -1,10 +1,10 @@
-"""Numbers as people read them."""
+"""Numbers as text for people."""
 
 from __future__ import annotations
 
 
-def duration_text(seconds: float) -> str:
-    """A duration in its two largest units, such as "3 h 20 min", "5 min 7 s" or "12 s"."""
+def duration(seconds: float) -> str:
+    """A time span in its two largest units, such as "2 h 5 min", "3 min 20 s" or "4 s"."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     if hours:

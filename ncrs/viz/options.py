@@ -1,0 +1,65 @@
+"""Options of films and figures; light to import, so that the command line has them too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from ncrs.viz.runs import VizError
+
+MIN_HEIGHT, MAX_HEIGHT = 240, 1440
+"""Limits of a film's height in pixels."""
+MAX_SPEED = 4.0
+AXES: Mapping[str, str] = MappingProxyType(
+    {"generation": "generation", "evaluations": "progress/evaluations"}
+)
+"""Names of the axes that fitness can be plotted over, with their columns in the metrics."""
+
+
+@dataclass(frozen=True)
+class FilmOptions:
+    """Options of a film.
+
+    Raises:
+        VizError: a height or speed out of range.
+    """
+
+    episodes: int = 4
+    """Number of episodes after growth; regions of the light or ball take turns."""
+    seed: int = 0
+    """Seed for sampling the scenarios."""
+    speed: float = 0.5
+    """Multiple of real time."""
+    height: int = 600
+    """Height of the picture in pixels, which is half again as wide."""
+
+    def __post_init__(self) -> None:
+        if not MIN_HEIGHT <= self.height <= MAX_HEIGHT:
+            raise VizError(
+                f"The height must be from {MIN_HEIGHT} to {MAX_HEIGHT} pixels, got {self.height}."
+            )
+        if not 0.0 < self.speed <= MAX_SPEED:
+            raise VizError(
+                f"The speed must be above 0 and at most {MAX_SPEED:g}, got {self.speed}."
+            )
+
+
+@dataclass(frozen=True)
+class FigureOptions:
+    """Options of figures.
+
+    Raises:
+        VizError: an unknown axis.
+    """
+
+    axis: str = "generation"
+    """Axis that fitness is plotted over: one of ``AXES``."""
+    episodes: int = 12
+    """Number of episodes whose last positions are shown."""
+    seed: int = 0
+    """Seed for sampling their scenarios."""
+
+    def __post_init__(self) -> None:
+        if self.axis not in AXES:
+            raise VizError(f"The axis must be one of {list(AXES)}, got {self.axis!r}.")
