@@ -21,7 +21,8 @@ from ncrs.engines.base import (
 )
 from ncrs.evolution.archive import SEED_LENGTH, AddResult, AddStatus, ArchiveError
 from ncrs.evolution.objective import objective
-from ncrs.evolution.optimizers.base import Fitness, Genomes, OptimizerError, make_optimizer
+from ncrs.evolution.optimizers import OptimizerError, make_optimizer
+from ncrs.evolution.optimizers.base import Fitness, Genomes
 from ncrs.evolution.reestimation import reestimate, seed_row
 from ncrs.evolution.standstill import standing_still_fitness
 from ncrs.runs.champion import CHAMPION_FILE, Champion
@@ -81,7 +82,7 @@ class Trainer:
     """A run in a folder: evolve, log, checkpoint.
 
     Args:
-        config: checked settings.
+        config: Settings of the run.
         run_dir: the run's folder, made if missing.
 
     Raises:
@@ -96,17 +97,16 @@ class Trainer:
     """
 
     def __init__(self, config: TrainConfig, run_dir: Path) -> None:
-        self._config = config.check()
+        self._config = config
         self._run_dir = run_dir
         self._settings = config.task
         self._layout = nca_layout(self._settings.task)
         self._sampling = config.sampling()
         try:
             self._optimizer = make_optimizer(
-                config.optimizer.name,
+                config.optimizer,
                 self._layout.num_parameters,
                 self._stream(_OPTIMIZER_STREAM),
-                **config.optimizer.given(),
             )
             if config.start_from is not None and config.resume is None:
                 start = start_genome(config.start_from, self._layout, config.symmetric)
