@@ -37,9 +37,9 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from benchmarks.workload import nearly_full_genomes
 from ncrs.engines.base import Engine, Evaluation, make_engine
-from ncrs.evolution.optimizers.base import OPTIMIZERS
-from ncrs.evolution.optimizers.emitters import EMITTERS
-from ncrs.runs.settings import EngineConfig, OptimizerConfig, TrainConfig
+from ncrs.evolution.optimizers import OPTIMIZERS, CMAESSettings
+from ncrs.evolution.optimizers.settings import EmitterSettings
+from ncrs.runs.settings import EngineSettings, TrainConfig
 from ncrs.training import trainer as training
 
 TASK = "light_chase"
@@ -98,12 +98,16 @@ class FullBodies:
 
 
 def _config(optimizer: str, generations: int) -> TrainConfig:
-    settings: dict[str, Any] = {"name": optimizer}
     if optimizer == PLAIN:
-        settings = {"name": "cma_es", "linear_algebra": "pycma"}
+        settings = CMAESSettings(linear_algebra="pycma")
+    else:
+        settings = OPTIMIZERS[optimizer].settings()
     return TrainConfig(
-        optimizer=OptimizerConfig(**settings),
-        engine=EngineConfig(name="batched"),
+        optimizer=settings,
+        engine=EngineSettings(name="batched"),
+        episodes=12,
+        symmetric=False,
+        mirroring="none",
         generations=generations + 2,
         champion_every=generations + 2,
         champion_episodes=1,
@@ -113,8 +117,9 @@ def _config(optimizer: str, generations: int) -> TrainConfig:
 
 def measure(optimizer: str, genomes: NDArray[np.float32], generations: int) -> dict[str, float]:
     """Train in this process and read the curves that the training loop writes of its phases."""
-    if optimizer in ("cma_me", "cma_mae"):
-        generations = max(generations, TURNS * EMITTERS)
+    config = _config(optimizer, generations)
+    if isinstance(config.optimizer, EmitterSettings):
+        generations = max(generations, TURNS * config.optimizer.emitters)
     with tempfile.TemporaryDirectory() as folder:
         with mock.patch.object(
             training,

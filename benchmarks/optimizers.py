@@ -26,6 +26,7 @@ import torch
 from cma.sigma_adaptation import CMAAdaptSigmaCSA
 from numpy.typing import NDArray
 
+from ncrs.evolution.optimizers import CMAESSettings
 from ncrs.evolution.optimizers.cma_es import CMAES
 
 Array = NDArray[np.float64]
@@ -76,13 +77,8 @@ def default_population(dimension: int) -> int:
 
 
 def _ours(dimension: int, seed: int, population: int, **settings: Any) -> Any:
-    return CMAES(
-        dimension,
-        np.random.SeedSequence(seed),
-        sigma=SIGMA,
-        population=population,
-        **settings,
-    )
+    record = CMAESSettings(sigma=SIGMA, population=population, **settings)
+    return CMAES(dimension, np.random.SeedSequence(seed), record)
 
 
 class PlainPycma:

@@ -1,128 +1,140 @@
 """The settings of a training run: plain records with their checks, and their JSON form.
 
-``ncrs.training.hydra`` gives them to Hydra; nothing here needs it.
+A default and its explanation stand at the field; ``python train.py --help`` lists both.
+``ncrs.training.hydra`` gives the records to Hydra; nothing here needs it.
 """
 
 from __future__ import annotations
 
-import difflib
 import json
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, TypeVar
 
 from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
-from ncrs.evolution.optimizers.base import check_settings
+from ncrs.evolution.optimizers import OPTIMIZERS, OptimizerSettings, SepCMAESSettings
 from ncrs.runs.checkpoint import write_json
-from ncrs.runs.seeds import check_seed
+from ncrs.runs.seeds import SeedError, check_seed
+from ncrs_envs.checks import check_types, closest
 from ncrs_envs.errors import NCRSError
-from ncrs_envs.mirroring import ScenarioSampling, resolve_mirroring
+from ncrs_envs.mirroring import AUTO_MIRRORING, ScenarioSampling, resolve_mirroring
 from ncrs_envs.scenario import NOISE
 from ncrs_envs.tasks import TaskSettings
 
 SETTINGS_FILE = "config.json"
+
+_Record = TypeVar("_Record")
 
 
 class ConfigError(NCRSError, ValueError):
     """A setting that is unknown or out of range."""
 
 
+# The records are not frozen: OmegaConf makes frozen dataclasses read-only.
 @dataclass
-class OptimizerConfig:
-    """Which optimizer, and its settings; null means that optimizer's own default.
+class EngineSettings:
+    """The engine that evaluates the populations.
 
-    Every optimizer knows some of the settings; giving it another is an error.
+    Raises:
+        ConfigError: a setting is of another type.
+        EngineSettingError: there is no such engine, or ``workers`` is not positive.
     """
 
-    name: str = "sep_cma_es"
-    sigma: float | None = None
-    population: int | None = None
-    told_popsize: bool | None = None
-    step_size: str | None = None
-    sigma_decay: float | None = None
-    sigma_min: float | None = None
-    restart_sigma: float | None = None
-    restart_from: str | None = None
-    linear_algebra: str | None = None
-    precision: str | None = None
-    device: str | None = None
-    diagonal: bool | None = None
-    emitters: int | None = None
-    patience: int | None = None
-    ranking: str | None = None
-    learning_rate: float | None = None
-    threshold_min: float | None = None
-    initial_sigma: float | None = None
-    initial_genomes: int | None = None
-    iso_sigma: float | None = None
-    line_sigma: float | None = None
-    sparse_fraction: float | None = None
-    sparse_sigma_min: float | None = None
-    sparse_sigma_max: float | None = None
-
-    def given(self) -> dict[str, Any]:
-        """The settings that are not null, without the name."""
-        values = asdict(self)
-        del values["name"]
-        return {key: value for key, value in values.items() if value is not None}
-
-
-@dataclass
-class EngineConfig:
-    """Which engine; ``workers`` null means one per core."""
-
     name: str = AUTO_ENGINE
+    """The engine; chosen with engine=NAME: batched, a whole population in one compiled call; box2d,
+    the reference physics; or auto, the faster of those that work here."""
     workers: int | None = None
+    """Threads of batched, processes of box2d; null for one per core. They do not change results."""
+
+    def __post_init__(self) -> None:
+        check_types(self, ConfigError)
+        resolve_engine(self.name)
+        check_workers(self.workers)
 
 
 @dataclass
 class TrainConfig:
-    """All settings of a run. The defaults here are the paper's, as far as they go; those of
-    ``train.py`` are in ``conf/config.yaml``, and find robots sooner."""
+    """All settings of a run, checked where they are made.
+
+    Raises:
+        ConfigError: a setting is of another type, out of range, or does not go with another.
+    """
 
     task: TaskSettings = field(default_factory=TaskSettings)
-    optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
-    engine: EngineConfig = field(default_factory=EngineConfig)
+    optimizer: OptimizerSettings = field(default_factory=SepCMAESSettings)
+    engine: EngineSettings = field(default_factory=EngineSettings)
     seed: int = 0
-    generations: int = 100
-    episodes: int = 12
-    """Scenarios per evaluation."""
+    """Seed of the whole run: it decides the result, whatever the number of workers."""
+    generations: int = 1000
+    """Generations until the run ends; may be raised on resuming."""
+    episodes: int = 6
+    """Episodes per evaluation; 12 in the paper."""
     common_scenarios: bool = True
-    """Whether a generation's genomes share their scenarios (common random numbers)."""
-    mirroring: str = "none"
-    """"none", or whether scenarios come in mirror images: "front_back", "all", or "auto", see
-    ``ncrs_envs.mirroring``."""
+    """All genomes of a generation meet the same scenarios, new ones every generation."""
+    mirroring: str = AUTO_MIRRORING
+    """Scenarios in mirror images, so that driving blindly cannot pay: none; front_back, a light
+    ahead and the same behind (where the other tasks never put it); all images within the task, left
+    and right too; or auto, those that make a difference to what is searched."""
     placement_noise: float = NOISE
-    """Of light or ball in training, as a share of the playfield extent; champions are compared on
-    the task's own 0.05."""
-    symmetric: bool = False
-    """Search only automata that treat left and right alike."""
+    """Largest distance of light or ball from its usual place in training, 0 to 0.35 of the
+    playfield's half side P, which is 60 units for 5 x 5 cells; champions are compared at the
+    paper's 0.05."""
+    symmetric: bool = True
+    """Search only automata that treat left and right alike, which makes steering easier to find."""
     success_bonus: float = 0.0
-    """What a run that succeeds adds to the fitness, in the eyes of the optimizer."""
+    """Added to the fitness of an episode that succeeds, as the optimizer is told it; the archive
+    and all reports keep the plain fitness."""
     approach_bonus: float = 0.0
-    """What its closest approach adds, times ``exp(-d / P)`` with the playfield's half side P; see
-    ``ncrs.evolution.objective``."""
+    """Added to that fitness, times exp(-d / P) with the episode's closest approach d."""
     start_from: str | None = None
-    """Where the search starts instead of at zero: a run's folder, a champion's file, or the name of
-    one that comes with the package; of any task, see ``ncrs.automaton.transfer``."""
-    champion_every: int = 10
-    """Generations between two re-evaluations of the candidates for champion."""
+    """Genome at which the search starts, instead of zero: a run's folder, a champion's file, or the
+    name of a champion that comes with the package; of any task."""
+    champion_every: int = 25
+    """Generations from one round of the champion to the next: the generation's best genome and the
+    mean (or the best elite) are evaluated again; the best so far is the champion."""
     champion_episodes: int = 48
-    """Scenarios of such a re-evaluation, the same for the whole run."""
+    """Episodes of such an evaluation, on the same scenarios for the whole run."""
     reestimate_every: int = 0
-    """Generations between two re-estimations of all the archive's elites; 0 for none."""
+    """Generations between two evaluations of all the archive's elites on fresh scenarios; 0 for
+    never. One costs as much as elites / population generations."""
     checkpoint_seconds: float = 30.0
     """Seconds between two checkpoints; 0 writes one every generation."""
     resume: str | None = None
     """Folder of a run to continue."""
 
+    def __post_init__(self) -> None:
+        check_types(self, ConfigError)
+        for name, minimum in _MINIMA.items():
+            value = getattr(self, name)
+            if not minimum <= value < math.inf:
+                raise ConfigError(f"{name} must be at least {minimum} and finite, got {value!r}.")
+        try:
+            check_seed(self.seed)
+        except SeedError as error:
+            raise ConfigError(str(error)) from error
+        mirroring = self.sampling().mirroring
+        if self.episodes % 2 and mirroring != "none":
+            raise ConfigError(
+                f"episodes must be even, since scenarios come in pairs of mirror images, got "
+                f"{self.episodes!r}; or set mirroring=none."
+            )
+        bonus = max(self.success_bonus, self.approach_bonus)
+        if bonus > 0 and not self.optimizer.maximises_fitness:
+            raise ConfigError(
+                f"success_bonus and approach_bonus change the fitness that an optimizer is told; "
+                f"{self.optimizer.name} learns from its archive instead, which holds the plain "
+                "fitness. Leave them out, or use another optimizer."
+            )
+
     def sampling(self) -> ScenarioSampling:
-        """How scenarios are drawn, with the mirroring that "auto" stands for; checked."""
-        task = self.task.task
-        mirroring = resolve_mirroring(self.mirroring, task, self.symmetric)
-        return ScenarioSampling(mirroring, self.placement_noise).check()
+        """The sampling of scenarios, with the mirroring that "auto" stands for; checked."""
+        try:
+            mirroring = resolve_mirroring(self.mirroring, self.task.task, self.symmetric)
+            return ScenarioSampling(mirroring, self.placement_noise).check()
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
 
     def resolved(self) -> TrainConfig:
         """These settings with what "auto" stands for in its place."""
@@ -132,79 +144,82 @@ class TrainConfig:
             mirroring=self.sampling().mirroring,
         )
 
-    def check(self) -> TrainConfig:
-        """Return this if all values are in range, else raise ``ConfigError``."""
-        try:
-            sampling = self.sampling()
-            optimizer = check_settings(self.optimizer.name, self.optimizer.given())
-            resolve_engine(self.engine.name)
-            check_workers(self.engine.workers)
-            check_seed(self.seed)
-        except ValueError as error:
-            raise ConfigError(str(error)) from error
-        if self.episodes % 2 and sampling.mirroring != "none":
-            raise ConfigError(
-                f"episodes must be even, since scenarios come in pairs of mirror images, got "
-                f"{self.episodes!r}; or set mirroring=none."
-            )
-        least = {
-            "generations": (self.generations, 1),
-            "episodes": (self.episodes, 1),
-            "success_bonus": (self.success_bonus, 0),
-            "approach_bonus": (self.approach_bonus, 0),
-            "champion_every": (self.champion_every, 1),
-            "champion_episodes": (self.champion_episodes, 1),
-            "reestimate_every": (self.reestimate_every, 0),
-            "checkpoint_seconds": (self.checkpoint_seconds, 0),
-        }
-        for name, (value, bound) in least.items():
-            if not bound <= value < math.inf:
-                raise ConfigError(f"{name} must be at least {bound} and finite, got {value!r}.")
-        bonus = max(self.success_bonus, self.approach_bonus)
-        if bonus > 0 and not optimizer.maximises_fitness:
-            raise ConfigError(
-                f"success_bonus and approach_bonus change the fitness that an optimizer is told; "
-                f"{self.optimizer.name} learns from its archive instead, which holds the plain "
-                "fitness. Leave them out, or use another optimizer."
-            )
-        return self
+
+_MINIMA = {
+    "generations": 1,
+    "episodes": 1,
+    "success_bonus": 0,
+    "approach_bonus": 0,
+    "champion_every": 1,
+    "champion_episodes": 1,
+    "reestimate_every": 0,
+    "checkpoint_seconds": 0,
+}
 
 
-def setting_names(config: type = TrainConfig, prefix: str = "") -> list[str]:
-    """Dotted names of all settings."""
-    hints = get_type_hints(config)
-    names = []
-    for item in fields(config):
-        kind = hints[item.name]
-        if is_dataclass(kind):
-            names += setting_names(kind, f"{prefix}{item.name}.")  # type: ignore[arg-type]
-        else:
-            names.append(prefix + item.name)
-    return names
+def unknown_setting(name: str, record: type) -> ConfigError:
+    """The error for a setting that a record does not have.
+
+    Args:
+        name: Dotted name of the setting.
+        record: Class of the settings among which it was given.
+    """
+    group, _, key = name.rpartition(".")
+    of = f"{group}." if group else ""
+    if group == "optimizer":
+        owners = [name for name, entry in OPTIMIZERS.items() if key in _names(entry.settings)]
+        if owners:
+            have = "has" if len(owners) == 1 else "have"
+            own = {item.name: item.default for item in fields(record)}["name"]
+            return ConfigError(f"{own} has no setting {name!r}; {' and '.join(owners)} {have} it.")
+    known = {other: f"{of}{other}" for other in _names(record)}
+    if record is TrainConfig:  # a setting of a group may have been given without the group
+        groups = (("task", TaskSettings), ("engine", EngineSettings))
+        optimizers = (("optimizer", entry.settings) for entry in OPTIMIZERS.values())
+        for part, its_record in (*groups, *optimizers):
+            for other in _names(its_record):
+                known.setdefault(other, f"{part}.{other}")
+    similar = [known[other] for other in closest(key, known)]
+    hint = f" Did you mean {' or '.join(similar)}?" if similar else ""
+    return ConfigError(f"Unknown setting {name!r}.{hint} python train.py --help lists all.")
 
 
-def check_setting_name(name: str, known: Iterable[str]) -> None:
-    """Raise ``ConfigError`` with the known names, and the closest, unless ``name`` is one."""
-    known = list(known)
-    if name not in known:
-        close = difflib.get_close_matches(name, known, n=1)
-        hint = f" Did you mean {close[0]}?" if close else ""
-        raise ConfigError(f"Unknown setting {name!r}.{hint} Known are: {', '.join(known)}.")
+def _names(record: type) -> list[str]:
+    return [item.name for item in fields(record)]
 
 
 def config_from_dict(values: Mapping[str, Any]) -> TrainConfig:
-    """Build a checked config from nested dicts; ``ConfigError`` names what is unknown."""
-    parts = {"task": TaskSettings, "optimizer": OptimizerConfig, "engine": EngineConfig}
-    arguments: dict[str, Any] = {}
-    for key, value in values.items():
-        check_setting_name(key, (item.name for item in fields(TrainConfig)))
-        if key in parts:
-            for name in value:
-                check_setting_name(name, (item.name for item in fields(parts[key])))
-            arguments[key] = parts[key](**value)
-        else:
-            arguments[key] = value
-    return TrainConfig(**arguments).check()
+    """Build the settings from nested dicts, as JSON holds them.
+
+    Raises:
+        ConfigError: a setting is unknown, or one of the records refuses it.
+    """
+    arguments = dict(values)
+    try:
+        if "task" in values:
+            arguments["task"] = _record(TaskSettings, values["task"], "task.")
+        if "engine" in values:
+            arguments["engine"] = _record(EngineSettings, values["engine"], "engine.")
+        if "optimizer" in values:
+            name = values["optimizer"].get("name", SepCMAESSettings.name)
+            if name not in OPTIMIZERS:
+                raise ConfigError(
+                    f"Unknown optimizer {name!r}; choose one of {', '.join(OPTIMIZERS)}."
+                )
+            record = OPTIMIZERS[name].settings
+            arguments["optimizer"] = _record(record, values["optimizer"], "optimizer.")
+        return _record(TrainConfig, arguments)
+    except ConfigError:
+        raise
+    except NCRSError as error:
+        raise ConfigError(str(error)) from error
+
+
+def _record(record: type[_Record], values: Mapping[str, Any], prefix: str = "") -> _Record:
+    for name in values:
+        if name not in _names(record):
+            raise unknown_setting(prefix + name, record)
+    return record(**values)
 
 
 def run_file(path: str | Path, name: str, hint: str) -> Path:
@@ -229,11 +244,11 @@ def save_config(config: TrainConfig, run_dir: Path) -> None:
 
 
 CHANGED_ON_RESUME = ("generations", "engine.workers", "checkpoint_seconds")
-"""Settings that may differ when a run goes on; all others are the run's own."""
+"""Settings that may differ when a run is resumed; all others are the run's own."""
 
 
 def lasting_settings(config: TrainConfig) -> dict[str, Any]:
-    """The settings that a run keeps when it goes on, as JSON can hold them."""
+    """The settings that a run keeps when it is resumed, as JSON can hold them."""
     values = asdict(config.resolved())
     for name in (*CHANGED_ON_RESUME, "resume"):
         group, _, key = name.rpartition(".")
@@ -245,12 +260,13 @@ def check_same_settings(run: Mapping[str, Any], given: Mapping[str, Any], prefix
     """Raise ``ConfigError``, which names both values, where settings differ from the run's own.
 
     Args:
-        run: settings by name, some of them in groups.
-        given: the same. What only one of them names is not compared.
-        prefix: name of the group that both are.
+        run: Settings by name, some of them in groups.
+        given: Settings in the same form. What only one of them names is not compared.
+        prefix: Name of the group that both are.
     """
-    for name in sorted(run.keys() & given.keys()):
-        value = run[name]
+    for name, value in run.items():
+        if name not in given:
+            continue
         if isinstance(value, Mapping):
             check_same_settings(value, given[name], f"{prefix}{name}.")
         elif given[name] != value:

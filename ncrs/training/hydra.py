@@ -1,110 +1,210 @@
-"""Hydra's side of the settings: schema, names, resuming, and the run's folder."""
+"""Hydra's side of the settings: schema, groups, help, error messages, resuming, run folder."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
+from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import OverrideParseException
-from omegaconf import DictConfig, OmegaConf
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException, MissingConfigException, OverrideParseException
+from omegaconf import MISSING, DictConfig, OmegaConf
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from ncrs.engines.base import AUTO_ENGINE, resolve_engine
+from ncrs.engines.base import AUTO_ENGINE, ENGINES
+from ncrs.evolution.optimizers import OPTIMIZERS
 from ncrs.runs.settings import (
-    CHANGED_ON_RESUME,
     ConfigError,
+    EngineSettings,
     TrainConfig,
     check_same_settings,
-    check_setting_name,
-    config_from_dict,
     lasting_settings,
     load_config,
-    setting_names,
+    unknown_setting,
 )
-from ncrs_envs.mirroring import AUTO_MIRRORING
+from ncrs.training.explanations import all_explanations
+from ncrs_envs.errors import NCRSError
+from ncrs_envs.tasks import TASKS, TaskSettings
 
-GROUPS = ("task", "optimizer", "engine", "experiment")
+CONFIG_NAME = "config"
+HYDRA_VERSION = "1.3"
 SCHEMA = "train_schema"
+_SWEEP_FLAGS = {"-m", "--multirun"}
+
+_HELP = """\
+Evolve a robot, or sweep over settings:
+
+  python train.py SETTING=VALUE ...
+  python train.py -m SETTING=VALUE,VALUE ...
+
+Groups of settings, of which one is chosen with GROUP=NAME:
+
+$APP_CONFIG_GROUPS
+
+Settings, with their defaults:
+
+"""
 
 
 def register() -> None:
-    """Make the schema and the resolvers of ``conf/config.yaml`` known to Hydra."""
-    ConfigStore.instance().store(name=SCHEMA, node=TrainConfig)
-    # A run that goes on stays in its folder, and keeps the record of how it was started.
+    """Make the schema, the groups and the resolvers of ``conf/config.yaml`` known to Hydra."""
+    schema = OmegaConf.structured(TrainConfig)
+    # Otherwise the settings of a chosen optimizer would be laid over those of the default one.
+    schema.optimizer = MISSING
+    store = ConfigStore.instance()
+    store.store(name=SCHEMA, node=schema)
+    for task in TASKS:
+        store.store(group="task", name=task, node=TaskSettings(task))
+    for optimizer, entry in OPTIMIZERS.items():
+        store.store(group="optimizer", name=optimizer, node=entry.settings)
+    for engine in (AUTO_ENGINE, *ENGINES):
+        store.store(group="engine", name=engine, node=EngineSettings(engine))
+    # A run that is resumed stays in its folder, and keeps the record of how it was started.
     OmegaConf.register_new_resolver(
         "ncrs_run_dir", lambda resume, new: new if resume is None else resume, replace=True
     )
     OmegaConf.register_new_resolver(
         "ncrs_hydra_dir", lambda resume: ".hydra" if resume is None else None, replace=True
     )
+    OmegaConf.register_new_resolver(
+        "ncrs_help", lambda: _HELP + all_explanations().replace("$", "$$"), replace=True
+    )
 
 
-def _parse(arguments: Sequence[str]) -> dict[str, Any]:
-    """Overrides by dotted name; Hydra's own settings and flags are left to Hydra."""
-    words = [word for word in arguments if "=" in word and not word.startswith("-")]
+@contextmanager
+def _errors_of_hydra() -> Iterator[None]:
+    """Raise ``ConfigError``, in one sentence or two, for what Hydra refuses."""
     try:
-        overrides = OverridesParser.create().parse_overrides(words)
-    except OverrideParseException as error:
-        raise ConfigError(f"Cannot read the settings given: {error}") from error
-    return {
-        override.key_or_group: override.value()
-        for override in overrides
-        if override.key_or_group.split(".")[0].split("/")[0] != "hydra"
-    }
+        yield
+    except NCRSError:
+        raise
+    except (HydraException, OmegaConfBaseException, ValueError) as error:
+        raise _config_error(error) from error
 
 
-def check_arguments(arguments: Sequence[str]) -> None:
+def _config_error(error: Exception) -> ConfigError:
+    if isinstance(error, OverrideParseException):
+        return ConfigError(f"Cannot read the setting {error.override!r}: {_first_line(error)}.")
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
+        group, _, name = error.missing_cfg_file.partition("/")
+        return ConfigError(f"Unknown {group} {name!r}; choose one of {', '.join(_choices(group))}.")
+    cause = error.__cause__ or error
+    if isinstance(cause, ConfigKeyError | ConfigAttributeError) and cause.object_type is not None:
+        return unknown_setting(str(cause.full_key), cause.object_type)
+    if isinstance(cause, OmegaConfBaseException) and cause.full_key:
+        return ConfigError(f"{cause.full_key} is invalid: {_first_line(cause)}.")
+    return ConfigError(f"{_first_line(error)}.")
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().partition("\n")[0].rstrip(".")
+
+
+def _choices(group: str) -> list[str]:
+    """Names in a group of settings, with those in its folders."""
+    loader = GlobalHydra.instance().config_loader()
+    names = loader.get_group_options(group)
+    for folder in loader.get_group_options(group, ObjectType.GROUP):
+        names += [f"{folder}/{name}" for name in _choices(f"{group}/{folder}")]
+    return names
+
+
+def check_arguments(arguments: Sequence[str], folder: Path) -> None:
     """Check command-line arguments before Hydra makes a folder for them.
 
+    Of a sweep the first job is checked. Flags of Hydra's may change where it finds settings, so
+    with any other than those for sweeps the check is left to the job.
+
+    Args:
+        arguments: Command-line arguments.
+        folder: Folder of ``config.yaml``.
+
     Raises:
-        ConfigError: an unknown setting, or a ``resume`` that cannot be meant.
+        NCRSError: an unknown setting, a value that is out of range, or a ``resume`` that is
+            invalid.
     """
-    given = _parse(arguments)
-    for name in given:
-        check_setting_name(name, [*GROUPS, *setting_names()])
-    resume = given.get("resume")
-    if resume is None:
+    flags = {argument for argument in arguments if argument.startswith("-")}
+    if flags - _SWEEP_FLAGS:
         return
-    if {"-m", "--multirun"} & set(arguments):
+    with initialize_config_dir(str(folder), version_base=HYDRA_VERSION), _errors_of_hydra():
+        overrides = [word for word in arguments if word not in flags]
+        if flags:
+            overrides = _first_job(overrides)
+        config = train_config(compose(CONFIG_NAME, overrides), overrides)
+    if flags and config.resume is not None:
         raise ConfigError("resume continues one run; leave out --multirun.")
-    fixed: dict[str, Any] = {}
-    for name in sorted(set(given) - {"resume", *CHANGED_ON_RESUME}):
-        if name == "experiment":
-            raise ConfigError("A resumed run keeps its own settings: leave out experiment.")
-        group, _, key = (f"{name}.name" if name in GROUPS else name).rpartition(".")
-        (fixed.setdefault(group, {}) if group else fixed)[key] = given[name]
-    own = load_config(Path(str(resume)))
-    if fixed.get("mirroring") == AUTO_MIRRORING:
-        fixed["mirroring"] = replace(own, mirroring=AUTO_MIRRORING).sampling().mirroring
-    if fixed.get("engine", {}).get("name") == AUTO_ENGINE:
-        fixed["engine"]["name"] = resolve_engine(AUTO_ENGINE)
-    check_same_settings(lasting_settings(own), fixed)
+
+
+def _parse(overrides: Sequence[str]) -> list[Override]:
+    return OverridesParser.create().parse_overrides(list(overrides))
+
+
+def _first_job(overrides: Sequence[str]) -> list[str]:
+    """The overrides of a sweep's first job; without those whose values only a sweeper knows."""
+    first = []
+    for word, override in zip(overrides, _parse(overrides), strict=True):
+        if not override.is_sweep_override():
+            first.append(word)
+        elif override.is_discrete_sweep():
+            value = next(override.sweep_string_iterator())
+            first.append(f"{override.get_key_element()}={value}")
+    return first
 
 
 def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
-    """The checked settings of a job: as composed, or those of the run that goes on.
+    """The checked settings of a job: as composed, or those of the run that is resumed.
 
     Args:
-        composed: what Hydra composed.
-        overrides: the job's overrides as Hydra was given them.
+        composed: Settings as Hydra composed them.
+        overrides: The job's overrides as Hydra was given them.
+
+    Raises:
+        NCRSError: a value is out of range; or settings of a resumed run would change.
     """
-    values = OmegaConf.to_container(composed, resolve=True)
-    assert isinstance(values, dict)
-    if values["resume"] is None:
-        config = config_from_dict({str(key): value for key, value in values.items()})
-        return config.resolved()  # a run's record names what it really used
-    given = _parse(overrides)
-    own = replace(load_config(Path(values["resume"])), resume=values["resume"])
-    for name in ("generations", "checkpoint_seconds"):
-        if name in given:
-            own = replace(own, **{name: values[name]})
-    if "engine.workers" in given:
-        own = replace(own, engine=replace(own.engine, workers=values["engine"]["workers"]))
-    return own.check()
+    with _errors_of_hydra():
+        _check_known(composed)
+        if composed.resume is not None:
+            return _resumed(composed.resume, overrides)
+        config: TrainConfig = OmegaConf.to_object(composed)  # type: ignore[assignment]
+    return config.resolved()  # a run's record names what it really used
+
+
+def _check_known(composed: DictConfig, prefix: str = "") -> None:
+    """Raise ``ConfigError`` for a setting that was added, as with +NAME=VALUE."""
+    record = OmegaConf.get_type(composed)
+    known = {item.name for item in fields(record)}  # type: ignore[arg-type]
+    for name in map(str, composed):
+        if name not in known:
+            raise unknown_setting(prefix + name, record)  # type: ignore[arg-type]
+        if not OmegaConf.is_missing(composed, name) and OmegaConf.is_dict(composed[name]):
+            _check_known(composed[name], f"{prefix}{name}.")
+
+
+def _resumed(folder: str, overrides: Sequence[str]) -> TrainConfig:
+    """The settings of the run in a folder, with those that may change as they are given."""
+    own = load_config(Path(folder))
+    values = OmegaConf.structured(own)
+    for override in _parse(overrides):
+        name, value = override.key_or_group, override.value()
+        if name == "experiment":
+            raise ConfigError("A resumed run keeps its own settings: leave out experiment.")
+        if name == "optimizer":
+            if value != own.optimizer.name:
+                values.optimizer = OPTIMIZERS[str(value)].settings
+        elif name in ("task", "engine"):
+            values[name].name = value
+        elif name.split(".")[0].split("/")[0] != "hydra":
+            OmegaConf.update(values, name, value)
+    given: TrainConfig = OmegaConf.to_object(values)  # type: ignore[assignment]
+    check_same_settings(lasting_settings(own), lasting_settings(given))
+    return replace(given, resume=folder).resolved()
 
 
 def current_job(composed: DictConfig) -> tuple[TrainConfig, Path]:

@@ -13,7 +13,8 @@ from ncrs.automaton.channels import nca_layout
 from ncrs.engines.base import Engine, Evaluation, StopCheck
 from ncrs.evolution.archive import AddResult, ArchiveError
 from ncrs.evolution.objective import Objective
-from ncrs.evolution.optimizers.base import Genomes, Optimizer, OptimizerError, make_optimizer
+from ncrs.evolution.optimizers import OptimizerError, make_optimizer
+from ncrs.evolution.optimizers.base import Genomes, Optimizer
 from ncrs.evolution.reestimation import reestimate
 from ncrs.evolution.standstill import standing_still_fitness
 from ncrs.runs.elites import EliteArchive, make_archive
@@ -60,12 +61,8 @@ class Search:
 
     def _new_optimizer(self) -> Optimizer:
         config = self._config
-        optimizer = make_optimizer(
-            config.optimizer.name,
-            self._layout.num_parameters,
-            seed_sequence(config.seed, Stream.OPTIMIZER),
-            **config.optimizer.given(),
-        )
+        seed = seed_sequence(config.seed, Stream.OPTIMIZER)
+        optimizer = make_optimizer(config.optimizer, self._layout.num_parameters, seed)
         if config.start_from is not None and config.resume is None:
             start = start_genome(config.start_from, self._layout, config.symmetric)
             optimizer.start_from(start)

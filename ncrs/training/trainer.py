@@ -9,7 +9,7 @@ from pathlib import Path
 from ncrs.automaton.channels import GenomeError
 from ncrs.engines.base import Engine, EngineError, EvaluationInterrupted, make_engine
 from ncrs.evolution.archive import ArchiveError
-from ncrs.evolution.optimizers.base import OptimizerError
+from ncrs.evolution.optimizers import OptimizerError
 from ncrs.runs.lock import RunError, locked
 from ncrs.runs.settings import ConfigError, TrainConfig, save_config
 from ncrs.training.files import RunFiles
@@ -26,7 +26,7 @@ class Trainer:
     """A run in a folder: evolve, log, checkpoint.
 
     Args:
-        config: settings of the run.
+        config: Settings of the run.
         run_dir: the run's folder, made if missing.
 
     Raises:
@@ -37,7 +37,7 @@ class Trainer:
     """
 
     def __init__(self, config: TrainConfig, run_dir: Path) -> None:
-        self._config = config.check()
+        self._config = config
         self._run_dir = run_dir
         self._search = Search(config)
         self._selection = ChampionSelection(config, self._search.objective)

@@ -198,7 +198,7 @@ def test_a_state_that_turns_non_finite_is_named_and_ranks_as_nan(engine, full_ge
     wild = full_genome.copy()
     wild[: 30 * 12 * 9].reshape(30, 12, 9)[:, CONTROL_CHANNEL] = 3e38
     vectors = np.stack([full_genome, wild])
-    with pytest.warns(NonFiniteStateWarning, match="genome 1 .* run 0"):
+    with pytest.warns(NonFiniteStateWarning, match="genome 1 .* episode 0"):
         result = evaluate(vectors, "light_chase", engine=engine, episodes=2)
     assert np.isnan(result.fitness[1])
     assert np.isfinite(result.fitness[0])

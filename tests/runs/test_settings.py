@@ -1,32 +1,49 @@
 """Settings: names, ranges and their file."""
 
+from dataclasses import asdict
+
 import pytest
 
+from ncrs.evolution.optimizers import OPTIMIZERS, SepCMAESSettings
 from ncrs.runs.settings import (
     ConfigError,
     TrainConfig,
     config_from_dict,
     load_config,
     save_config,
-    setting_names,
 )
 
 
-def test_the_defaults_are_in_range():
-    assert TrainConfig().check() == TrainConfig()
+def test_the_defaults_are_in_range_and_round_trip():
+    config = TrainConfig()
+    assert config_from_dict(asdict(config)) == config
 
 
 def test_round_trip_through_the_run_folder(tmp_path):
     config = config_from_dict(
         {
             "task": {"name": "carry_ball", "distance_score": "inverse_square"},
-            "optimizer": {"sigma": 0.01},
+            "optimizer": {"name": "cma_me", "sigma": 0.02, "emitters": 3},
             "engine": {"workers": 3},
             "seed": 7,
         }
     )
     save_config(config, tmp_path)
     assert load_config(tmp_path) == config
+    assert (config.optimizer.name, config.optimizer.emitters) == ("cma_me", 3)
+
+
+@pytest.mark.parametrize("name", OPTIMIZERS)
+def test_the_settings_of_every_optimizer_round_trip(name, tmp_path):
+    config = TrainConfig(optimizer=OPTIMIZERS[name].settings(population=50))
+    assert config.optimizer.name == name
+    save_config(config, tmp_path)
+    assert load_config(tmp_path) == config
+
+
+def test_without_a_name_the_optimizer_is_the_default():
+    config = config_from_dict({"optimizer": {"sigma": 0.01}})
+    assert config.optimizer == SepCMAESSettings(sigma=0.01)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +62,7 @@ def test_round_trip_through_the_run_folder(tmp_path):
         ({"seed": -1}, "seed must be an integer from 0 to 9223372036854775807, got -1"),
         ({"generations": 0}, "generations must be at least 1"),
         ({"mirroring": "up_down"}, "front_back"),
-        ({"optimizer": {"sigma_decay": 0.9}}, "no schedule"),
+        ({"optimizer": {"step_size": "csa", "sigma_decay": 0.9}}, "no schedule"),
         ({"placement_noise": 0.5}, "0 to 0.35"),
         ({"episodes": 7, "mirroring": "auto"}, "episodes must be even"),
         ({"success_bonus": -1.0}, "success_bonus must be at least 0"),
@@ -54,7 +71,14 @@ def test_round_trip_through_the_run_folder(tmp_path):
         ({"episodes": 0}, "episodes must be at least 1"),
         ({"checkpoint_seconds": float("nan")}, "checkpoint_seconds"),
         ({"generation": 5}, "Did you mean generations"),
-        ({"optimizer": {"popsize": 5}}, "Known are: name, sigma, population"),
+        ({"optimizer": {"popsize": 5}}, "Unknown setting 'optimizer.popsize'"),
+        ({"optimizer": {"sgima": 5}}, "Did you mean optimizer.sigma"),
+        ({"optimizer": {"emitters": 5}}, "sep_cma_es has no setting .*; cma_me and cma_mae have"),
+        ({"optimizer": {"sigma": "0.1"}}, "sigma must be a number, got '0.1'"),
+        ({"population": 5}, "Did you mean optimizer.population"),
+        ({"seed": 1.5}, "seed must be an integer, got 1.5"),
+        ({"symmetric": 1}, "symmetric must be true or false, got 1"),
+        ({"start_from": 3}, "start_from must be a string, got 3"),
     ],
 )
 def test_bad_settings_name_what_is_allowed(values, message):
@@ -62,10 +86,11 @@ def test_bad_settings_name_what_is_allowed(values, message):
         config_from_dict(values)
 
 
-def test_setting_names_are_dotted():
-    names = setting_names()
-    assert {"seed", "task.name", "optimizer.told_popsize", "engine.workers"} <= set(names)
-    assert "task" not in names
+def test_settings_that_are_made_in_python_are_checked_too():
+    with pytest.raises(ConfigError, match="episodes must be even"):
+        TrainConfig(episodes=7)
+    with pytest.raises(ConfigError, match="optimizer must be one of the OptimizerSettings, got"):
+        TrainConfig(optimizer="cma_es")
 
 
 def test_a_folder_without_a_run(tmp_path):

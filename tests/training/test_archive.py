@@ -13,11 +13,12 @@ from ncrs import evaluate
 from ncrs.automaton.channels import nca_layout
 from ncrs.engines.base import Engine
 from ncrs.evolution.archive import AddResult
+from ncrs.evolution.optimizers import OPTIMIZERS, SepCMAESSettings
 from ncrs.runs.champion import load_champion_file
 from ncrs.runs.checkpoint import CheckpointFolder
 from ncrs.runs.elites import load_archive
 from ncrs.runs.lock import RunError
-from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig, save_config
+from ncrs.runs.settings import ConfigError, EngineSettings, TrainConfig, save_config
 from ncrs.training import search
 from ncrs.training.generation import Generation
 from ncrs.training.trainer import Trainer, train
@@ -26,7 +27,7 @@ from ncrs_envs.mirroring import ScenarioSampling
 ROOT = Path(__file__).parents[2]
 GENERATIONS = 8
 EMITTERS = {"population": 10, "sigma": 0.1, "emitters": 2, "patience": 1, "diagonal": True}
-OPTIMIZERS = {
+SETTINGS = {
     "cma_me": EMITTERS,
     "cma_mae": EMITTERS,
     "map_elites": {"population": 10, "initial_genomes": 30},
@@ -38,8 +39,10 @@ OPTIMIZERS = {
 def config(name="map_elites", **changes):
     return dataclasses.replace(
         TrainConfig(
-            optimizer=OptimizerConfig(name, **OPTIMIZERS[name]),
-            engine=EngineConfig(name="batched", workers=1),
+            optimizer=OPTIMIZERS[name].settings(**SETTINGS[name]),
+            engine=EngineSettings(name="batched", workers=1),
+            symmetric=False,
+            mirroring="none",
             generations=GENERATIONS,
             episodes=2,
             champion_every=2,
@@ -168,7 +171,7 @@ def test_the_curves_of_the_archive(undisturbed):
 
 
 def test_plain_cma_es_fills_an_archive_too(tmp_path):
-    optimizer = OptimizerConfig("sep_cma_es", population=16, sigma=0.1, told_popsize=True)
+    optimizer = SepCMAESSettings(population=16, sigma=0.1, parents=None, step_size="csa")
     train(config(optimizer=optimizer, generations=3), tmp_path)
     elites = load_archive(tmp_path)
     assert len(elites.archive) >= 3
@@ -213,7 +216,7 @@ def test_fitness_without_meaning_stops_the_run_and_saves(tmp_path, monkeypatch, 
     monkeypatch.setattr(Engine, "evaluate", broken)
     optimizer = config().optimizer
     if name != "map_elites":
-        optimizer = OptimizerConfig(name, population=10, sigma=0.1, told_popsize=True)
+        optimizer = SepCMAESSettings(population=10, sigma=0.1, parents=None, step_size="csa")
     settings = config(optimizer=optimizer, generations=4, champion_every=4)
     with pytest.raises(RunError, match=r"Generation 2.*(infinite|NaN)"):
         train(settings, tmp_path)

@@ -1,40 +1,64 @@
 """Hydra's side of the settings."""
 
+import dataclasses
+import os
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
+from hydra.core.config_store import ConfigStore
 
+import ncrs
 from ncrs.engines.base import ENGINES
-from ncrs.evolution.optimizers.base import OPTIMIZERS
-from ncrs.runs.settings import ConfigError, TrainConfig, save_config
+from ncrs.evolution.optimizers import OPTIMIZERS
+from ncrs.runs.settings import ConfigError, TrainConfig, config_from_dict, save_config
+from ncrs.training.explanations import explanations
 from ncrs.training.hydra import check_arguments, register, train_config
-from ncrs_envs.tasks import TASKS
+from ncrs_envs.errors import NCRSError
+from ncrs_envs.tasks import TASKS, TaskSettings
 
-CONF = Path(__file__).parents[2] / "conf"
+ROOT = Path(__file__).parents[2]
+CONF = ROOT / "conf"
+GROUPS = {"task": TASKS, "optimizer": OPTIMIZERS, "engine": (*ENGINES, "auto")}
+
+
+@pytest.fixture(autouse=True)
+def _registered():
+    register()
 
 
 @pytest.fixture
 def composed():
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        yield lambda *overrides: train_config(compose("config", list(overrides)), overrides)
+    def config(*overrides):
+        with initialize_config_dir(str(CONF), version_base="1.3"):
+            return train_config(compose("config", list(overrides)), overrides)
+
+    return config
 
 
-def names(folder):
-    return {path.stem for path in (CONF / folder).glob("*.yaml")}
+def test_the_defaults_of_the_command_are_those_of_the_record(composed):
+    assert composed() == TrainConfig().resolved()
 
 
-def test_the_groups_are_what_the_code_knows():
-    assert names("task") == set(TASKS)
-    assert names("optimizer") == set(OPTIMIZERS)
-    assert names("engine") == {*ENGINES, "auto"}
+@pytest.mark.parametrize("group", GROUPS)
+def test_the_groups_are_what_the_code_knows(group):
+    stored = ConfigStore.instance().repo[group]
+    assert {name.removesuffix(".yaml") for name in stored} == set(GROUPS[group])
+    assert not (CONF / group).exists()
 
 
 @pytest.mark.parametrize("group", ["task", "optimizer", "engine"])
 def test_each_choice_composes_and_names_itself(composed, group):
-    for name in names(group) - {"auto"}:
+    for name in set(GROUPS[group]) - {"auto"}:
         assert getattr(composed(f"{group}={name}"), group).name == name
+
+
+@pytest.mark.parametrize("name", OPTIMIZERS)
+def test_an_optimizers_settings_are_its_own_defaults(composed, name):
+    assert composed(f"optimizer={name}").optimizer == OPTIMIZERS[name].settings()
 
 
 def test_auto_is_recorded_as_the_engine_that_it_stands_for(composed):
@@ -62,7 +86,7 @@ def test_the_papers_cma_es(composed, task):
     assert config.optimizer.name == "cma_es"
     assert config.optimizer.sigma == 0.01
     assert config.optimizer.population == 112
-    assert config.optimizer.told_popsize is True
+    assert config.optimizer.parents is None
     assert (config.generations, config.episodes) == (20000, 12)
     assert (config.symmetric, config.mirroring) == (False, "none")
     score = "inverse_square" if task == "carry_ball" else "exponential"
@@ -85,29 +109,110 @@ def test_the_papers_cma_me(composed, task):
 
 
 def test_the_command_line_wins_over_an_experiment(composed):
-    config = composed("experiment=paper/obstacle_cma_es", "seed=4", "optimizer.told_popsize=false")
+    config = composed("experiment=paper/obstacle_cma_es", "seed=4", "optimizer.parents=14")
     assert config.seed == 4
-    assert config.optimizer.told_popsize is False
+    assert config.optimizer.parents == 14
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["generation=5"], "Did you mean generations"),
+        (["generation=5"], "Unknown setting 'generation'. Did you mean generations"),
         (["optimizer.sgima=1"], "Did you mean optimizer.sigma"),
+        (["optimizer.emitters=3"], "sep_cma_es has no setting .*; cma_me and cma_mae have it"),
+        (["+optimizer.emitters=3"], "sep_cma_es has no setting 'optimizer.emitters'"),
+        (["optimizer=map_elites", "optimizer.sigma=1"], "map_elites has no setting"),
+        (["population=10"], "Did you mean optimizer.population"),
         (["+extra=1"], "Unknown setting 'extra'"),
+        (["optimizer=adam"], "Unknown optimizer 'adam'; choose one of .*sep_cma_es"),
+        (["optimizer.name=cma_me"], "name must be 'sep_cma_es'.*optimizer=NAME"),
+        (["experiment=best/foo"], "Unknown experiment 'best/foo'.*best/obstacle, paper/carry"),
+        (["experiment=foo"], "Unknown experiment 'foo'.*best/obstacle, paper/carry"),
+        (["seed=1.5"], "seed is invalid: Value '1.5' of type 'float'"),
+        (["optimizer.sigma=big"], "optimizer.sigma is invalid: Value 'big'"),
+        (["optimizer.sigma=0"], "sigma must be positive"),
+        (["optimizer.parents=113"], "population 112 is smaller than the 113 parents"),
+        (["task.grid_size=2"], "at least 3"),
+        (["engine.workers=0"], "workers"),
+        (["-m", "seed=-1,0"], "seed must be at least 0"),
+        (["-m", "generation=range(3,5)"], "Did you mean generations"),
         (["resume=/nowhere"], "holds no run"),
         (["task=[,"], "Cannot read"),
     ],
 )
-def test_unknown_names_are_refused_with_the_known_ones(arguments, message):
-    with pytest.raises(ConfigError, match=message):
-        check_arguments(arguments)
+def test_bad_arguments_are_refused_with_what_is_allowed(arguments, message):
+    with pytest.raises(NCRSError, match=message) as error:
+        check_arguments(arguments, CONF)
+    assert len(str(error.value)) < 400
+    assert "\n" not in str(error.value)
 
 
 def test_hydras_own_settings_and_sweeps_pass():
-    check_arguments(["-m", "task=light_chase,obstacle", "seed=0,1", "hydra.run.dir=/tmp/x"])
-    check_arguments(["--multirun", "hydra/launcher=basic", "experiment=paper/obstacle_cma_es"])
+    check_arguments(["-m", "task=light_chase,obstacle", "seed=0,1", "hydra.run.dir=/tmp/x"], CONF)
+    sweep = ["--multirun", "hydra/launcher=basic", "experiment=paper/obstacle_cma_es"]
+    check_arguments(sweep, CONF)
+    check_arguments(["-m", "seed=range(0,3)", "optimizer.sigma=interval(0.01,0.1)"], CONF)
+    check_arguments(["--config-dir", "elsewhere", "experiment=mine"], CONF)
+
+
+def _records():
+    yield "", TrainConfig
+    yield "task.", TaskSettings
+    yield "engine.", type(TrainConfig().engine)
+    for entry in OPTIMIZERS.values():
+        yield "optimizer.", entry.settings
+
+
+@pytest.mark.parametrize(("prefix", "record"), list(_records()))
+def test_help_names_every_setting_with_its_explanation(prefix, record, printed_help):
+    own = {item.name for item in dataclasses.fields(record)} - {"task", "optimizer", "engine"}
+    found = explanations(record)
+    assert set(found) == own
+    for name, (default, text) in found.items():
+        assert getattr(record(), name) == default
+        assert len(text) > 5, name
+        assert f"\n{prefix}{name}" in printed_help
+        assert "".join(text.split()) in "".join(printed_help.split()), name
+
+
+@pytest.fixture(scope="module")
+def printed_help():
+    done = subprocess.run(
+        [sys.executable, "train.py", "--help"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_help_tells_defaults_and_choices(printed_help):
+    lines = printed_help.splitlines()
+    at = lines.index("optimizer.sigma")
+    assert lines[at + 2].strip() == (
+        "Default: 0.01 for cma_es, cma_me; 0.03 for sep_cma_es, iso_cma_es, cma_mae."
+    )
+    assert {"seed=0", "start_from=null", "symmetric=true", "task.name=light_chase"} <= set(lines)
+    assert "experiment/paper: carry_ball_cma_es" in printed_help
+    assert "optimizer: cma_es, cma_mae, cma_me, iso_cma_es, map_elites, sep_cma_es" in printed_help
+
+
+def test_a_foreign_setting_fails_at_once_and_leaves_nothing(tmp_path):
+    before = sorted(os.listdir(ROOT))
+    command = [sys.executable, "train.py", "optimizer.emitters=3", f"hydra.run.dir={tmp_path}/run"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("train.py: sep_cma_es has no setting 'optimizer.emitters'")
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "run").exists()
+    assert sorted(os.listdir(ROOT)) == before
+
+
+@pytest.mark.parametrize("name", ncrs.champions())
+def test_the_commands_of_a_champion_give_its_settings(composed, name):
+    card = ncrs.load_champion(name).card
+    for command in card["commands"]:
+        overrides = shlex.split(command.removeprefix("python train.py "))
+        config = composed(*overrides)
+    assert config == config_from_dict(card["config"])
 
 
 def test_impossible_values_are_refused(composed):
@@ -116,7 +221,7 @@ def test_impossible_values_are_refused(composed):
 
 
 def test_a_resumed_run_keeps_its_settings(composed, tmp_path):
-    own = TrainConfig(seed=9, generations=50)
+    own = TrainConfig(seed=9, generations=50, mirroring="none").resolved()
     own.engine.workers = 2
     save_config(own, tmp_path)
     resumed = composed(f"resume={tmp_path}")
@@ -125,17 +230,18 @@ def test_a_resumed_run_keeps_its_settings(composed, tmp_path):
     assert resumed.engine.workers == 2
     longer = composed(f"resume={tmp_path}", "generations=80", "engine.workers=1")
     assert (longer.generations, longer.engine.workers, longer.seed) == (80, 1, 9)
-    check_arguments([f"resume={tmp_path}", "seed=9", "task=light_chase", "optimizer.sigma=null"])
-    check_arguments([f"resume={tmp_path}", "engine=auto"])
+    resume = f"resume={tmp_path}"
+    check_arguments([resume, "seed=9", "task=light_chase", "optimizer.sigma=0.03"], CONF)
+    check_arguments([resume, "engine=auto", "optimizer=sep_cma_es"], CONF)
     for argument, message in [
         ("seed=1", r"its seed is 9, 1 was given.*generations"),
         ("task=obstacle", r"its task.name is 'light_chase', 'obstacle' was given"),
         ("optimizer=cma_es", r"its optimizer.name is 'sep_cma_es', 'cma_es' was given"),
-        ("optimizer.sigma=0.5", r"its optimizer.sigma is None, 0.5 was given"),
+        ("optimizer.sigma=0.5", r"its optimizer.sigma is 0.03, 0.5 was given"),
         ("mirroring=all", r"its mirroring is 'none', 'all' was given"),
         ("experiment=best/obstacle", "leave out experiment"),
     ]:
         with pytest.raises(ConfigError, match=message):
-            check_arguments([f"resume={tmp_path}", argument])
+            check_arguments([resume, argument], CONF)
     with pytest.raises(ConfigError, match="multirun"):
-        check_arguments(["-m", f"resume={tmp_path}"])
+        check_arguments(["-m", resume], CONF)

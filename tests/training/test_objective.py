@@ -5,18 +5,21 @@ import dataclasses
 import numpy as np
 import pytest
 
+from ncrs.evolution.optimizers import CMAMESettings, MAPElitesSettings, SepCMAESSettings
 from ncrs.evolution.optimizers.base import Optimizer
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointFolder
-from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig
+from ncrs.runs.settings import ConfigError, EngineSettings, TrainConfig
 from ncrs.training.trainer import Trainer, train
 from ncrs_envs.tasks import LIGHT_CHASE, TaskSettings, default_body
 
 
 def config(**changes):
     settings = {
-        "optimizer": OptimizerConfig(sigma=1e-4, population=16, told_popsize=True),
-        "engine": EngineConfig(name="batched", workers=1),
+        "optimizer": SepCMAESSettings(sigma=1e-4, population=16, parents=None, step_size="csa"),
+        "engine": EngineSettings(name="batched", workers=1),
+        "symmetric": False,
+        "mirroring": "none",
         "generations": 2,
         "episodes": 4,
         "champion_every": 1,
@@ -36,9 +39,9 @@ def seed_file(tmp_path, full_genome):
 
 @pytest.mark.parametrize("name", ["sep_cma_es", "cma_me"])
 def test_a_search_starts_from_a_champion(name, seed_file, tmp_path, full_genome):
-    optimizer = OptimizerConfig(name, sigma=1e-5, population=16, told_popsize=True)
+    optimizer = SepCMAESSettings(sigma=1e-5, population=16, parents=None, step_size="csa")
     if name == "cma_me":
-        optimizer.diagonal, optimizer.emitters = True, 2
+        optimizer = CMAMESettings(sigma=1e-5, population=16, diagonal=True, emitters=2)
     run = tmp_path / "run"
     settings = config(optimizer=optimizer, start_from=str(seed_file))
     train(settings, run)
@@ -52,7 +55,7 @@ def test_a_search_starts_from_a_champion(name, seed_file, tmp_path, full_genome)
 def test_a_start_that_does_not_fit_is_refused(seed_file, tmp_path):
     with pytest.raises(ConfigError, match="map_elites cannot start from a genome"):
         Trainer(
-            config(optimizer=OptimizerConfig("map_elites"), start_from=str(seed_file)),
+            config(optimizer=MAPElitesSettings(), start_from=str(seed_file)),
             tmp_path / "run",
         )
     with pytest.raises(ConfigError, match="does not treat left and right alike"):

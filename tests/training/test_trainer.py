@@ -14,11 +14,12 @@ import pytest
 from filelock import FileLock
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from ncrs.evolution.optimizers import SepCMAESSettings
 from ncrs.runs.champion import load_champion_file
 from ncrs.runs.checkpoint import CheckpointError, CheckpointFolder
 from ncrs.runs.lock import RunError
 from ncrs.runs.metrics import MetricsFile
-from ncrs.runs.settings import ConfigError, EngineConfig, OptimizerConfig, TrainConfig
+from ncrs.runs.settings import ConfigError, EngineSettings, TrainConfig
 from ncrs.training import versions
 from ncrs.training.trainer import train
 from ncrs_envs.tasks import TaskSettings
@@ -30,8 +31,10 @@ GENERATIONS = 6
 def config(**changes):
     return dataclasses.replace(
         TrainConfig(
-            optimizer=OptimizerConfig(sigma=0.1, population=16, told_popsize=True),
-            engine=EngineConfig(name="box2d", workers=1),
+            optimizer=SepCMAESSettings(sigma=0.1, population=16, parents=None, step_size="csa"),
+            engine=EngineSettings(name="box2d", workers=1),
+            symmetric=False,
+            mirroring="none",
             generations=GENERATIONS,
             episodes=2,
             champion_every=2,
@@ -45,7 +48,7 @@ def config(**changes):
 
 COMMAND = [
     sys.executable, "train.py", "engine=box2d", "engine.workers=1", "optimizer.sigma=0.1",
-    "optimizer.population=16", "optimizer.told_popsize=true", f"generations={GENERATIONS}",
+    "optimizer.population=16", "optimizer.parents=null", f"generations={GENERATIONS}",
     "episodes=2", "champion_every=2", "champion_episodes=3", "checkpoint_seconds=0", "seed=1",
     "symmetric=false", "mirroring=none", "optimizer.step_size=csa",
 ]  # fmt: skip
@@ -111,7 +114,7 @@ def test_tensorboard_has_the_curves(undisturbed):
 
 
 def test_the_seed_decides_the_run_and_workers_do_not(undisturbed, tmp_path):
-    train(config(engine=EngineConfig(name="box2d", workers=2)), tmp_path / "same")
+    train(config(engine=EngineSettings(name="box2d", workers=2)), tmp_path / "same")
     assert_same(final_state(undisturbed[0]), final_state(tmp_path / "same"))
     train(config(seed=2, generations=1), tmp_path / "other")
     assert (
@@ -207,7 +210,7 @@ def test_a_folder_that_cannot_be_written_is_a_clear_error(tmp_path, name):
 
 
 def test_genomes_that_are_not_finite_stop_the_run_and_save(tmp_path):
-    optimizer = OptimizerConfig(sigma=1e39, population=4, told_popsize=True)  # beyond float32
+    optimizer = SepCMAESSettings(sigma=1e39, population=4, parents=None)  # beyond float32
     with pytest.raises(RunError, match=r"Generation 0 cannot be completed.*finite.*saved in"):
         train(config(optimizer=optimizer), tmp_path)
     assert final_state(tmp_path)["run"]["generation"] == 0
@@ -252,7 +255,7 @@ def test_scenarios_per_genome(tmp_path):
 
 
 def test_a_population_that_is_all_invalid_is_no_error(tmp_path):
-    optimizer = OptimizerConfig(sigma=1e-6, population=4)
+    optimizer = SepCMAESSettings(sigma=1e-6, population=4, parents=None, step_size="csa")
     result = train(config(optimizer=optimizer, generations=2), tmp_path)
     assert result.champion is None
     assert result.state.best_fitness <= 0.02
@@ -293,3 +296,4 @@ def test_an_impossible_value_is_one_sentence(tmp_path):
     assert done.returncode == 1
     assert "Unknown task 'chess'" in done.stderr
     assert "Traceback" not in done.stderr
+    assert not (tmp_path / "run").exists()

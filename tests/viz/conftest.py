@@ -4,15 +4,18 @@ import dataclasses
 
 import pytest
 
-from ncrs.runs.settings import EngineConfig, OptimizerConfig, TrainConfig
+from ncrs.evolution.optimizers import MAPElitesSettings, SepCMAESSettings
+from ncrs.runs.settings import EngineSettings, TrainConfig
 from ncrs.training.trainer import train
 
 
 def small(**changes):
     return dataclasses.replace(
         TrainConfig(
-            optimizer=OptimizerConfig(sigma=0.1, population=16, told_popsize=True),
-            engine=EngineConfig(name="box2d", workers=1),
+            optimizer=SepCMAESSettings(sigma=0.1, population=16, parents=None, step_size="csa"),
+            engine=EngineSettings(name="box2d", workers=1),
+            symmetric=False,
+            mirroring="none",
             generations=2,
             episodes=1,
             champion_every=1,
@@ -29,6 +32,6 @@ def sweep(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sweep")
     train(small(), folder / "0")
     train(small(seed=2, generations=3), folder / "1")
-    other = OptimizerConfig(name="map_elites", population=16)
+    other = MAPElitesSettings(population=16)
     train(small(optimizer=other), folder / "2")
     return folder

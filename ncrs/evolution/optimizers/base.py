@@ -1,18 +1,17 @@
-"""What every optimizer does, with the checks that they share."""
+"""The interface of all optimizers, with the checks that they share."""
 
 from __future__ import annotations
 
-import importlib
-import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.evolution.archive import AddResult, Archive
-from ncrs_envs.errors import NCRSError
+from ncrs.evolution.optimizers.settings import OptimizerError, OptimizerSettings
 
 State = dict[str, Any]
 """Arrays, and values that JSON can hold: what a checkpoint stores."""
@@ -21,25 +20,24 @@ Genomes = NDArray[np.float64]
 Fitness = NDArray[np.float64]
 
 
-class OptimizerError(NCRSError, ValueError):
-    """A setting out of range, or ask, tell and state used in a way that cannot be meant."""
-
-
 class Optimizer(ABC):
     """Proposes populations and learns from their fitness, which is maximised.
 
     Args:
-        dimension: length N of a genome.
-        seed: of the optimizer's own generator, its only source of randomness.
+        dimension: Length N of a genome.
+        seed: Seed of the optimizer's own generator, its only source of randomness.
+        settings: Record of the optimizer's settings.
     """
 
-    name: ClassVar[str]
     candidate_source: ClassVar[str] = "mean"
-    """What ``mean`` is: the search distribution's "mean", or the archive's best "elite"."""
+    """Origin of ``mean``: the search distribution's "mean", or the archive's best "elite"."""
 
-    def __init__(self, dimension: int, seed: np.random.SeedSequence) -> None:
+    def __init__(
+        self, dimension: int, seed: np.random.SeedSequence, settings: OptimizerSettings
+    ) -> None:
         if dimension < 1:
             raise OptimizerError(f"dimension must be at least 1, got {dimension}.")
+        self.settings = settings
         self.dimension = dimension
         self._generator = np.random.Generator(np.random.PCG64(seed))
         # The generator as it was before a population was asked for that has not been told: from
@@ -73,9 +71,9 @@ class Optimizer(ABC):
         self._attached = archive
 
     @property
-    def maximises_fitness(self) -> bool:
-        """Whether it learns from the fitness that it is told, rather than from the archive."""
-        return True
+    def name(self) -> str:
+        """The optimizer's name."""
+        return self.settings.name
 
     def start_from(self, genome: NDArray[np.float64]) -> None:
         """Search around ``genome``, ``(N,)``, instead of around zero.
@@ -92,8 +90,8 @@ class Optimizer(ABC):
         """Learn from the fitness of the last population.
 
         Args:
-            fitness: one value per genome, shape ``(P,)``, larger is better. NaN ranks worst.
-            added: what adding the population to the archive did; only quality-diversity optimizers
+            fitness: One value per genome, shape ``(P,)``, larger is better. NaN ranks worst.
+            added: Result of adding the population to the archive; only quality-diversity optimizers
                 need it.
 
         Raises:
@@ -122,13 +120,7 @@ class Optimizer(ABC):
         """All that the future depends on. With a population pending, the state from which ``ask``
         proposes that population again."""
         generator = self._before_ask or _plain(self._generator.bit_generator.state)
-        return {
-            "optimizer": self.name,
-            "dimension": self.dimension,
-            "settings": self.settings,
-            "generator": generator,
-            **self._state(),
-        }
+        return {**self._identity(), "generator": generator, **self._state()}
 
     def load_state(self, state: Mapping[str, Any]) -> None:
         """Continue from a ``state``.
@@ -136,8 +128,7 @@ class Optimizer(ABC):
         Raises:
             OptimizerError: the state is of another optimizer, size or setting; nothing is changed.
         """
-        own = {"optimizer": self.name, "dimension": self.dimension, "settings": self.settings}
-        for key, value in own.items():
+        for key, value in self._identity().items():
             if state.get(key) != value:
                 raise OptimizerError(
                     f"Cannot continue: the state's {key} is {state.get(key)!r}, this optimizer's "
@@ -148,10 +139,13 @@ class Optimizer(ABC):
         self._asked = None
         self._before_ask = None
 
-    @property
-    @abstractmethod
-    def settings(self) -> dict[str, Any]:
-        """The settings that must agree for a state to be loaded, as JSON can hold them."""
+    def _identity(self) -> State:
+        """The entries that must agree for a state to be loaded, as JSON can hold them."""
+        return {
+            "optimizer": self.name,
+            "dimension": self.dimension,
+            "settings": asdict(self.settings),
+        }
 
     @property
     @abstractmethod
@@ -187,46 +181,3 @@ def _plain(state: Any) -> Any:
     if isinstance(state, Mapping):
         return {key: _plain(value) for key, value in state.items()}
     return state.item() if isinstance(state, np.generic) else state
-
-
-_TRIAL_DIMENSION = 100
-
-# Module and class of each optimizer, and the settings that its name stands for.
-OPTIMIZERS: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
-    "cma_es": ("ncrs.evolution.optimizers.cma_es", "CMAES", {"diagonal": False}),
-    "sep_cma_es": ("ncrs.evolution.optimizers.cma_es", "CMAES", {"diagonal": True}),
-    "iso_cma_es": ("ncrs.evolution.optimizers.cma_es", "IsotropicCMAES", {}),
-    "cma_me": ("ncrs.evolution.optimizers.cma_me", "CMAME", {}),
-    "cma_mae": ("ncrs.evolution.optimizers.cma_mae", "CMAMAE", {}),
-    "map_elites": ("ncrs.evolution.optimizers.map_elites", "MAPElites", {}),
-}
-
-
-def _optimizer_class(name: str) -> type[Optimizer]:
-    if name not in OPTIMIZERS:
-        raise OptimizerError(f"Unknown optimizer {name!r}; choose one of {sorted(OPTIMIZERS)}.")
-    module, attribute, _ = OPTIMIZERS[name]
-    cls: type[Optimizer] = getattr(importlib.import_module(module), attribute)
-    return cls
-
-
-def check_settings(name: str, settings: Mapping[str, Any]) -> Optimizer:
-    """Raise ``OptimizerError`` unless there is such an optimizer and its settings are in range.
-
-    The range is checked by making a small one, which is returned.
-    """
-    known = inspect.signature(_optimizer_class(name)).parameters.values()
-    fixed = OPTIMIZERS[name][2]
-    names = [p.name for p in known if p.kind is p.KEYWORD_ONLY and p.name not in fixed]
-    unknown = sorted(set(settings) - set(names))
-    if unknown:
-        raise OptimizerError(f"{name} has no setting {', '.join(unknown)}; it has {names}.")
-    return make_optimizer(name, _TRIAL_DIMENSION, np.random.SeedSequence(0), **settings)
-
-
-def make_optimizer(
-    name: str, dimension: int, seed: np.random.SeedSequence, **settings: Any
-) -> Optimizer:
-    """Make the optimizer of that name; ``OptimizerError`` if unknown, or for a bad setting."""
-    cls = _optimizer_class(name)
-    return cls(dimension, seed, **OPTIMIZERS[name][2], **settings)

@@ -17,10 +17,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ncrs.evolution.optimizers.base import OptimizerError
 from ncrs.evolution.optimizers.pycma import StatisticalModelSamplerWithZeroMeanBaseClass
+from ncrs.evolution.optimizers.settings import PRECISIONS, OptimizerError
 
-PRECISIONS: Mapping[str, torch.dtype] = {"float32": torch.float32, "float64": torch.float64}
+_DTYPES: Mapping[str, torch.dtype] = {name: getattr(torch, name) for name in PRECISIONS}
 
 Vector = NDArray[np.float64]
 
@@ -33,10 +33,8 @@ _MAX_ATTEMPTS = 12
 _FROM_CHAMPION = "from this one's champion if it has one (start_from)."
 
 
-def check_device(precision: str, device: str) -> None:
-    """Raise ``OptimizerError`` unless torch has that precision and can reach that device."""
-    if precision not in PRECISIONS:
-        raise OptimizerError(f"precision must be one of {sorted(PRECISIONS)}, got {precision!r}.")
+def check_device(device: str) -> None:
+    """Raise ``OptimizerError`` unless torch can reach that device."""
     try:
         float(torch.ones(1, device=device).sum())  # some devices hold no values
     except (RuntimeError, AssertionError) as error:  # torch asserts that it was built with CUDA
@@ -67,11 +65,11 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         precision: str = "float32",
         device: str = "cpu",
     ) -> None:
-        check_device(precision, device)
+        check_device(device)
         self.dimension = dimension
         self.randn = randn
         self.lazy_update_gap = 0.0
-        self._dtype = PRECISIONS[precision]
+        self._dtype = _DTYPES[precision]
         self._device = torch.device(device)
         self._c = torch.eye(dimension, dtype=self._dtype, device=self._device)
         # Columns in one piece, as LAPACK writes them: no second copy while it factorises.

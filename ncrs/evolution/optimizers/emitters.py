@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.evolution.archive import AddResult
-from ncrs.evolution.optimizers.base import Fitness, Genomes, OptimizerError, State
+from ncrs.evolution.optimizers.base import Fitness, Genomes, State
 from ncrs.evolution.optimizers.cma_es import CMAES
 from ncrs.evolution.optimizers.quality_diversity import QDOptimizer
-
-EMITTERS = 15
-"""In the paper."""
+from ncrs.evolution.optimizers.settings import EmitterSettings
 
 
 class EmitterOptimizer(QDOptimizer):
@@ -26,44 +24,26 @@ class EmitterOptimizer(QDOptimizer):
     more elites than emitters.
 
     Args:
-        dimension: length N of a genome.
-        seed: of the choice of elites; the emitters' seeds follow from it.
-        emitters: number E of emitters.
-        patience: turns without an addition that an emitter is given.
-        settings: of the emitters, see ``CMAES``.
+        dimension: Length N of a genome.
+        seed: Seed for choosing elites; the emitters' seeds follow from it.
+        settings: Record of the optimizer's settings.
     """
 
-    def __init__(
-        self,
-        dimension: int,
-        seed: np.random.SeedSequence,
-        *,
-        emitters: int,
-        patience: int,
-        settings: Mapping[str, Any],
-    ) -> None:
-        super().__init__(dimension, seed)
-        for name, value in (("emitters", emitters), ("patience", patience)):
-            if value < 1:
-                raise OptimizerError(f"{name} must be at least 1, got {value!r}.")
-        self._patience = int(patience)
-        self._emitters = [
-            CMAES(dimension, child, **settings) for child in seed.spawn(int(emitters))
-        ]
-        # Each emitter's state since its last turn, taken then, so that a checkpoint has not to
-        # copy all of them in one generation.
-        self._kept: list[State | None] = [None] * emitters
-        self._turn = 0
-        self._idle = [0] * emitters
-        self._restarts = 0
+    settings: EmitterSettings
 
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {
-            **self._emitters[0].settings,
-            "emitters": len(self._emitters),
-            "patience": self._patience,
-        }
+    def __init__(
+        self, dimension: int, seed: np.random.SeedSequence, settings: EmitterSettings
+    ) -> None:
+        super().__init__(dimension, seed, settings)
+        self._emitters = [
+            CMAES(dimension, child, settings.emitter) for child in seed.spawn(settings.emitters)
+        ]
+        # Each emitter's state since its last turn, taken then, so that a checkpoint need not
+        # copy all of them in one generation.
+        self._kept: list[State | None] = [None] * len(self._emitters)
+        self._turn = 0
+        self._idle = [0] * len(self._emitters)
+        self._restarts = 0
 
     def metrics(self) -> dict[str, float]:
         sigmas = [emitter.sigma for emitter in self._emitters]
@@ -82,7 +62,7 @@ class EmitterOptimizer(QDOptimizer):
 
     @abstractmethod
     def _judge(self, fitness: Fitness, added: AddResult) -> tuple[Fitness, bool]:
-        """What the emitter is to maximise, ``(P,)``, and whether its turn brought anything."""
+        """Values that the emitter maximises, ``(P,)``, and whether its turn brought anything."""
 
     def _ask(self) -> Genomes:
         return self._emitters[self._turn].ask()
@@ -93,7 +73,7 @@ class EmitterOptimizer(QDOptimizer):
         values, useful = self._judge(fitness, added)
         self._emitters[turn].tell(values)
         self._idle[turn] = 0 if useful else self._idle[turn] + 1
-        if self._idle[turn] > self._patience and len(self._archive) > len(self._emitters):
+        if self._idle[turn] > self.settings.patience and len(self._archive) > len(self._emitters):
             self._emitters[turn].restart(self._archive.draw(self._generator, 1)[0])
             self._idle[turn] = 0
             self._restarts += 1

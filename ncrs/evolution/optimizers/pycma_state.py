@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ncrs.evolution.optimizers.base import OptimizerError
 from ncrs.evolution.optimizers.pycma import ElapsedWCTime
+from ncrs.evolution.optimizers.settings import OptimizerError
 
 # Not state: options and what follows from them, logs, clocks, what the last call was given, and
 # pycma's copies of the sampler's matrices.

@@ -1,4 +1,4 @@
-"""What the optimizers that fill an archive share."""
+"""The parts that the optimizers which fill an archive share."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.evolution.archive import NO_CELL, AddResult, Archive
-from ncrs.evolution.optimizers.base import Fitness, Optimizer, OptimizerError
+from ncrs.evolution.optimizers.base import Fitness, Optimizer
+from ncrs.evolution.optimizers.settings import OptimizerError
 
 IntArray = NDArray[np.int64]
 
@@ -23,10 +24,6 @@ class QDOptimizer(Optimizer):
         if self._attached is None:
             raise OptimizerError(f"{self.name} needs an archive: call attach(archive) first.")
         return self._attached
-
-    @property
-    def maximises_fitness(self) -> bool:
-        return False
 
     def tell(self, fitness: Fitness, added: AddResult | None = None) -> None:
         """As every optimizer's; ``added`` is required."""
@@ -50,8 +47,8 @@ def ranks(stage: IntArray, value: Fitness) -> Fitness:
     """Rank of each genome, float64 ``(P,)``, larger is better.
 
     Args:
-        stage: what decides first, ``(P,)``, larger is better.
-        value: what decides within a stage, ``(P,)``.
+        stage: Key that decides first, ``(P,)``, larger is better.
+        value: Key that decides within a stage, ``(P,)``.
     """
     result = np.empty(len(stage))
     result[np.lexsort((value, stage))] = np.arange(len(stage))

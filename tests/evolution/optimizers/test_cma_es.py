@@ -9,15 +9,23 @@ import torch
 
 from benchmarks.optimizers import FUNCTIONS, PlainPycma, Search, compare, is_elsewhere, search
 from ncrs.evolution.archive import Archive, MeasureSpace
-from ncrs.evolution.optimizers import OptimizerError, make_optimizer
-from ncrs.evolution.optimizers.cma_es import CMAES, IsotropicCMAES
+from ncrs.evolution.optimizers import (
+    OPTIMIZERS,
+    CMAESSettings,
+    IsoCMAESSettings,
+    OptimizerError,
+    SepCMAESSettings,
+    make_optimizer,
+)
+from ncrs.evolution.optimizers.cma_es import CMAES
+from ncrs.evolution.optimizers.pycma import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA, cma
 from ncrs.runs.checkpoint import read_state, write_state
 
-FULL, DIAGONAL = "cma_es", "sep_cma_es"
+FULL, DIAGONAL, ISOTROPIC = "cma_es", "sep_cma_es", "iso_cma_es"
 VARIANTS = [
-    (name, told, step_size)
+    (name, parents, step_size)
     for name in (FULL, DIAGONAL)
-    for told in (True, False)
+    for parents in (None, 7)
     for step_size in ("csa", "tpa")
 ]
 OTHER_VARIANTS = [
@@ -39,21 +47,14 @@ def _one_torch_thread():
     torch.set_num_threads(threads)
 
 
-def make(name="cma_es", told=True, step_size="csa", dimension=30, seed=3, **settings):
+def make(name="cma_es", parents=None, step_size="csa", dimension=30, seed=3, **settings):
     settings = {"population": 20, "sigma": 0.1, **settings}
-    return make_optimizer(
-        name,
-        dimension,
-        np.random.SeedSequence(seed),
-        told_popsize=told,
-        step_size=step_size,
-        **settings,
-    )
+    record = OPTIMIZERS[name].settings(parents=parents, step_size=step_size, **settings)
+    return make_optimizer(record, dimension, np.random.SeedSequence(seed))
 
 
-def make_isotropic(dimension=30, seed=3, **settings):
-    settings = {"population": 20, "sigma": 0.1, **settings}
-    return IsotropicCMAES(dimension, np.random.SeedSequence(seed), **settings)
+def make_isotropic(**settings):
+    return make(ISOTROPIC, **settings)
 
 
 def ellipsoid(population):
@@ -66,18 +67,20 @@ def advance(optimizer, generations):
         optimizer.tell(ellipsoid(optimizer.ask()))
 
 
-@pytest.mark.parametrize(("name", "told", "step_size"), VARIANTS)
-def test_it_maximises(name, told, step_size):
-    optimizer = make(name, told, step_size)
+@pytest.mark.parametrize(("name", "parents", "step_size"), VARIANTS)
+def test_it_maximises(name, parents, step_size):
+    optimizer = make(name, parents, step_size)
     start = ellipsoid(optimizer.mean[None])[0]
     advance(optimizer, 150)
     assert ellipsoid(optimizer.mean[None])[0] > 0.01 * start  # fitness is negative
 
 
 @pytest.mark.parametrize("pending", [False, True])
-@pytest.mark.parametrize(("name", "told", "step_size"), VARIANTS)
-def test_a_saved_state_goes_on_bit_for_bit(name, told, step_size, pending, tmp_path):
-    assert_resumes(make(name, told, step_size), make(name, told, step_size), pending, tmp_path)
+@pytest.mark.parametrize(("name", "parents", "step_size"), VARIANTS)
+def test_a_saved_state_goes_on_bit_for_bit(name, parents, step_size, pending, tmp_path):
+    assert_resumes(
+        make(name, parents, step_size), make(name, parents, step_size), pending, tmp_path
+    )
 
 
 @pytest.mark.parametrize("pending", [False, True])
@@ -136,9 +139,6 @@ def assert_resumes(optimizer, fresh, pending, tmp_path):
 
 
 def test_it_samples_as_plain_pycma_does():
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import cma
     generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(3)))
     plain = cma.CMAEvolutionStrategy(
         np.zeros(30),
@@ -147,7 +147,7 @@ def test_it_samples_as_plain_pycma_does():
             "popsize": 20,
             "seed": float("nan"),
             "randn": lambda *shape: generator.standard_normal(shape),
-            "AdaptSigma": cma.sigma_adaptation.CMAAdaptSigmaCSA,
+            "AdaptSigma": CMAAdaptSigmaCSA,
             "verbose": -9,
         },
     )
@@ -161,11 +161,57 @@ def test_it_samples_as_plain_pycma_does():
     assert optimizer.sigma == plain.sigma
 
 
-def test_the_untold_population_recombines_fewer_parents():
-    size = {"dimension": 4572, "population": 112}
-    # Telling pycma gives mu = lambda / 2; not telling gives lambda = 4 + 3 ln N = 29, mu = 14.
-    assert make("sep_cma_es", True, **size)._es.sp.weights.mu == 56
-    assert make("sep_cma_es", False, **size)._es.sp.weights.mu == 14
+@pytest.mark.parametrize("dimension", [4572, 4873])
+@pytest.mark.parametrize(
+    ("settings", "options"),
+    [
+        (SepCMAESSettings(sigma=0.1), {"CMA_diagonal": True}),
+        (
+            SepCMAESSettings(sigma=0.1, step_size="tpa"),
+            {"CMA_diagonal": True, "AdaptSigma": CMAAdaptSigmaTPA},
+        ),
+        (IsoCMAESSettings(sigma=0.1, step_size="csa"), {"CMA_diagonal": True, "CMA_on": 0}),
+    ],
+)
+def test_fourteen_parents_are_what_pycma_recombines_untold(dimension, settings, options):
+    """The published runs did not tell pycma the population of 112; alone it takes 29 and 14."""
+    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(3)))
+    own = {
+        "seed": float("nan"),
+        "randn": lambda *shape: generator.standard_normal(shape),
+        "AdaptSigma": CMAAdaptSigmaCSA,
+        "verbose": -9,
+        **options,
+    }
+    plain = cma.CMAEvolutionStrategy(np.zeros(dimension), 0.1, own)
+    assert (plain.sp.popsize, plain.sp.weights.mu) == (29, 14)
+    assert settings.parents == 14
+    optimizer = make_optimizer(settings, dimension, np.random.SeedSequence(3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for _ in range(4):
+            population = optimizer.ask()
+            np.testing.assert_array_equal(population, np.array(plain.ask(112)))
+            fitness = ellipsoid(population)
+            optimizer.tell(fitness)
+            sigma = plain.sigma
+            plain.tell(list(population), list(-fitness))
+            if settings.step_size == "decay":
+                plain.sigma = 0.9975 * sigma
+    assert optimizer.sigma == plain.sigma
+
+
+@pytest.mark.parametrize(("parents", "recombined"), [(None, 10), (1, 1), (7, 7), (20, 20)])
+@pytest.mark.parametrize("name", [FULL, DIAGONAL, ISOTROPIC])
+def test_parents_are_as_many_as_asked_for(name, parents, recombined):
+    optimizer = make(name, parents)
+    assert optimizer._es.sp.weights.mu == recombined
+    population = optimizer.ask()
+    fitness = ellipsoid(population)
+    optimizer.tell(fitness)
+    best = population[np.argsort(-fitness)][:recombined]
+    expected = optimizer._es.sp.weights.positive_weights @ best
+    np.testing.assert_allclose(optimizer.mean, expected, atol=1e-12)
 
 
 def test_one_seed_one_run_and_numpys_generator_is_left_alone():
@@ -189,7 +235,8 @@ def test_it_is_still_cma_es_when_the_factor_is_renewed_as_rarely_as_at_the_paper
     gap, medians = 7.8, []
 
     def ours(dimension, seed, population):
-        optimizer = CMAES(dimension, np.random.SeedSequence(seed), sigma=0.3, population=population)
+        settings = CMAESSettings(sigma=0.3, population=population)
+        optimizer = CMAES(dimension, np.random.SeedSequence(seed), settings)
         optimizer._es.sm.lazy_update_gap = gap
         return optimizer
 
@@ -206,7 +253,8 @@ def test_it_is_still_cma_es_when_the_factor_is_renewed_as_rarely_as_at_the_paper
 
 def test_converging_elsewhere_is_not_reaching_the_target():
     def ours(dimension, seed, population):
-        return CMAES(dimension, np.random.SeedSequence(seed), sigma=0.3, population=population)
+        settings = CMAESSettings(sigma=0.3, population=population)
+        return CMAES(dimension, np.random.SeedSequence(seed), settings)
 
     asked = []
 
@@ -318,7 +366,7 @@ def test_ask_and_tell_alternate():
 def test_a_foreign_state_is_refused_with_both_values():
     state = make().state()
     for other, message in [
-        (make("sep_cma_es"), "diagonal"),
+        (make("sep_cma_es"), "optimizer is 'cma_es', this optimizer's is 'sep_cma_es'"),
         (make(dimension=31), "dimension is 30, this optimizer's is 31"),
         (make(population=22), "'population': 20.*'population': 22"),
         (make(precision="float64"), "'precision': 'float32'.*'precision': 'float64'"),
@@ -335,22 +383,27 @@ def test_a_foreign_state_is_refused_with_both_values():
     [
         ({"sigma": 0.0}, "sigma"),
         ({"sigma": float("nan")}, "sigma"),
+        ({"sigma": "0.1"}, "sigma must be a number, got '0.1'"),
         ({"population": 1}, "population"),
+        ({"population": 20.5}, "population must be an integer, got 20.5"),
+        ({"name": "sep_cma_es"}, "name must be 'cma_es'.*optimizer=NAME"),
+        ({"parents": 0}, "parents must be at least 1"),
         ({"step_size": "fixed"}, "csa"),
         ({"restart_from": "worst"}, "best.*elite.*mean"),
         ({"restart_sigma": -1.0}, "restart_sigma must be positive"),
         ({"sigma": 0.1, "restart_sigma": 0.1}, "smaller than sigma"),
         ({"linear_algebra": "numpy"}, "pycma.*torch"),
-        ({"linear_algebra": "pycma", "precision": "float32"}, "leave out precision"),
-        ({"diagonal": True, "linear_algebra": "torch", "device": "cpu"}, "linear_algebra, device"),
-        ({"told_popsize": False, "population": 5, "dimension": 4572}, "14 parents"),
+        ({"precision": "float16"}, "float32.*float64.*float16"),
+        ({"linear_algebra": "pycma", "precision": "float64"}, "leave out precision"),
+        ({"parents": 14, "population": 5}, "14 parents"),
     ],
 )
 def test_bad_settings(settings, message):
     with pytest.raises(OptimizerError, match=message):
-        CMAES(**{"dimension": 30, "seed": np.random.SeedSequence(0), **settings})
+        CMAESSettings(**settings)
 
 
-def test_unknown_optimizer():
-    with pytest.raises(OptimizerError, match="sep_cma_es"):
-        make_optimizer("adam", 10, np.random.SeedSequence(0))
+def test_settings_hold_plain_numbers():
+    settings = CMAESSettings(sigma=1, population=np.int64(20))
+    assert type(settings.sigma) is float
+    assert type(settings.population) is int

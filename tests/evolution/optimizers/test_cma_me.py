@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ncrs.evolution.archive import AddResult, AddStatus, Archive, MeasureSpace
-from ncrs.evolution.optimizers import make_optimizer
+from ncrs.evolution.optimizers import OPTIMIZERS, make_optimizer
 
 DIMENSION = 6
 SPACE = MeasureSpace(1, 2, 9)
@@ -12,7 +12,8 @@ SPACE = MeasureSpace(1, 2, 9)
 
 def make(name="cma_me", **settings):
     settings = {"population": 5, "emitters": 3, "sigma": 0.1, "diagonal": True, **settings}
-    optimizer = make_optimizer(name, DIMENSION, np.random.SeedSequence(0), **settings)
+    record = OPTIMIZERS[name].settings(**settings)
+    optimizer = make_optimizer(record, DIMENSION, np.random.SeedSequence(0))
     archive = Archive(SPACE, DIMENSION, grid_size=3)
     optimizer.attach(archive)
     return optimizer, archive

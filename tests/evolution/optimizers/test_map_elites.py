@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ncrs.evolution.archive import AddResult, Archive, MeasureSpace
-from ncrs.evolution.optimizers import make_optimizer
+from ncrs.evolution.optimizers import MAPElitesSettings, make_optimizer
 
 DIMENSION = 1000
 SPACE = MeasureSpace(1, 2, 9)
@@ -13,7 +13,8 @@ NOTHING = AddResult(np.full(64, -1), np.zeros(64, dtype=np.int8), np.full(64, np
 
 def make(elites=(), **settings):
     settings = {"population": 64, "initial_genomes": 0, **settings}
-    optimizer = make_optimizer("map_elites", DIMENSION, np.random.SeedSequence(0), **settings)
+    record = MAPElitesSettings(**settings)
+    optimizer = make_optimizer(record, DIMENSION, np.random.SeedSequence(0))
     archive = Archive(SPACE, DIMENSION, grid_size=3)
     optimizer.attach(archive)
     if len(elites):

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from ncrs.evolution.archive import Archive, MeasureSpace
-from ncrs.evolution.optimizers import OptimizerError, make_optimizer
+from ncrs.evolution.optimizers import OPTIMIZERS, OptimizerError, make_optimizer
 from ncrs.runs.checkpoint import read_state, write_state
 
 _SPEC = importlib.util.spec_from_file_location(
@@ -25,12 +25,12 @@ problem = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(problem)
 
 FULL = {"sigma": 0.1, "population": 20, "linear_algebra": "pycma"}
-EMITTERS = {**FULL, "emitters": 4, "patience": 3}
+EMITTERS = {**FULL, "emitters": 4, "patience": 3, "diagonal": False}
 DIAGONAL = {"sigma": 0.1, "population": 20, "emitters": 4, "patience": 3, "diagonal": True}
 VARIANTS = {
     "cma_me": ("cma_me", EMITTERS),
     "cma_me fitness": ("cma_me", {**EMITTERS, "ranking": "fitness"}),
-    "cma_me diagonal": ("cma_me", {**DIAGONAL, "told_popsize": False, "step_size": "tpa"}),
+    "cma_me diagonal": ("cma_me", {**DIAGONAL, "parents": 5, "step_size": "tpa"}),
     "cma_me torch": ("cma_me", {**EMITTERS, "linear_algebra": "torch"}),
     "cma_mae": ("cma_mae", {**EMITTERS, "learning_rate": 0.1}),
     "cma_mae diagonal": ("cma_mae", DIAGONAL),
@@ -38,18 +38,21 @@ VARIANTS = {
 }
 
 
+def make_named(name, seed, **settings):
+    record = OPTIMIZERS[name].settings(**settings)
+    return make_optimizer(record, problem.DIMENSION, np.random.SeedSequence(seed))
+
+
 def make(variant, seed=3, **changes):
     name, settings = VARIANTS[variant]
-    optimizer = make_optimizer(
-        name, problem.DIMENSION, np.random.SeedSequence(seed), **{**settings, **changes}
-    )
+    optimizer = make_named(name, seed, **{**settings, **changes})
     archive = problem.make_archive()
     optimizer.attach(archive)
     return optimizer, archive
 
 
 def fill(name, generations, seed=0, **settings):
-    optimizer = make_optimizer(name, problem.DIMENSION, np.random.SeedSequence(seed), **settings)
+    optimizer = make_named(name, seed, **settings)
     archive = problem.make_archive()
     optimizer.attach(archive)
     problem.advance(optimizer, archive, generations)
@@ -143,7 +146,7 @@ def test_misuse_is_refused_and_changes_nothing(variant):
     with pytest.raises(OptimizerError, match="5 weights, this optimizer's 12"):
         optimizer.attach(Archive(MeasureSpace(1, 2, 16), 5, grid_size=4))
     name, settings = VARIANTS[variant]
-    alone = make_optimizer(name, problem.DIMENSION, np.random.SeedSequence(0), **settings)
+    alone = make_named(name, 0, **settings)
     with pytest.raises(OptimizerError, match="attach"):
         _ = alone.mean
 
@@ -167,6 +170,12 @@ def test_a_state_of_another_optimizer_or_setting_is_refused():
         ("cma_me", {"patience": 0}, "patience must be at least 1"),
         ("cma_me", {"ranking": "novelty"}, "improvement"),
         ("cma_me", {"sigma": -1.0}, "sigma"),
+        ("cma_mae", {"linear_algebra": "pycma"}, "no matrices: leave out linear_algebra"),
+        (
+            "cma_me",
+            {"diagonal": True, "precision": "float64", "device": "cuda"},
+            "no matrices: leave out precision, device",
+        ),
         ("cma_mae", {"learning_rate": 1.5}, "learning_rate must be from 0 to 1"),
         ("cma_mae", {"threshold_min": float("nan")}, "threshold_min"),
         ("map_elites", {"population": 0}, "population"),
@@ -178,4 +187,4 @@ def test_a_state_of_another_optimizer_or_setting_is_refused():
 )
 def test_bad_settings(name, settings, message):
     with pytest.raises(OptimizerError, match=message):
-        make_optimizer(name, 30, np.random.SeedSequence(0), **settings)
+        OPTIMIZERS[name].settings(**settings)

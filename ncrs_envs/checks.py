@@ -1,0 +1,50 @@
+"""Checks that records of settings share."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import fields, is_dataclass
+from numbers import Integral, Real
+from types import NoneType
+from typing import Any, get_args, get_type_hints
+
+from ncrs_envs.errors import NCRSError
+
+_KINDS = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
+
+
+def check_types(record: Any, error: type[NCRSError]) -> None:
+    """Check that each field of a dataclass holds what its annotation says.
+
+    Numbers become plain Python's, so that JSON can hold them.
+
+    Args:
+        record: Record whose fields are booleans, integers, numbers, strings, other records, or any
+            of these or None.
+        error: Class of the error that names a field with another value.
+    """
+    hints = get_type_hints(type(record))
+    for item in fields(record):
+        value, hint = getattr(record, item.name), hints[item.name]
+        kinds = get_args(hint) or (hint,)
+        if value is None and NoneType in kinds:
+            continue
+        kind = kinds[0]
+        if not _is_of(value, kind):
+            expected = _KINDS.get(kind) or f"one of the {kind.__name__}"
+            raise error(f"{item.name} must be {expected}, got {value!r}.")
+        if kind in (int, float):
+            setattr(record, item.name, kind(value))
+
+
+def _is_of(value: Any, kind: type) -> bool:
+    if is_dataclass(kind) or kind in (bool, str):
+        return isinstance(value, kind)
+    number = Integral if kind is int else Real
+    return isinstance(value, number) and not isinstance(value, bool)
+
+
+def closest(name: str, known: Iterable[str]) -> list[str]:
+    """The up to three known names that are most like ``name``, the closest first."""
+    return difflib.get_close_matches(name, list(known), n=3, cutoff=0.5)
