@@ -1,28 +1,217 @@
-"""The README's Python examples run as they stand, one after the other."""
+"""What the documents show works: Python blocks, command lines, names, paths and links."""
 
+from __future__ import annotations
+
+import configparser
+import importlib
+import json
 import re
+import runpy
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
+import pytest
+import yaml
 
-README = Path(__file__).parents[1] / "README.md"
+import ncrs
+
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
+DOCUMENTS = [README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+# What the blocks of a document leave behind, and the values expected.
+EXPECTED = {
+    "README.md": {
+        "info['success']": True,
+        "states.shape": [10, 5, 5, 12],
+        "observations.shape": [4096, 3, 3],
+        "result.fitness.shape": [8],
+        "result.episode_fitness.shape": [8, 12],
+        "result.success.shape": [8, 12],
+        "result.bodies.shape": [8, 5, 5],
+        "result.measures.shape": [8, 3],
+        "genomes.shape": [8, 4572],
+    },
+    "environments.md": {
+        "scene.light": [20.0, 30.0],
+        "observations.shape": [4096, 3, 3],
+        "vectors.observation_space.shape": [2],
+        "sorted(observation)": ["body", "sensors"],
+    },
+}
+TINY = "generations=1 episodes=2 champion_every=1 champion_episodes=2 optimizer.population=16"
+COMMAND = [sys.executable, "-m", "ncrs"]
+TRAIN = [sys.executable, str(ROOT / "train.py")]
 
 
-def test_the_examples_run(full_genome):
-    blocks = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
-    assert len(blocks) >= 6
-    body = np.array([[0] * 5, [0, 2, 1, 2, 0], [0, 4, 1, 4, 0], [0, 4, 1, 4, 0], [0] * 5])
-    names = {
-        "grid": body[1:4, 1:4],
-        "scene": None,
-        "bodies": np.broadcast_to(body, (4096, 5, 5)),
-        "vector": full_genome,
-        "genomes": full_genome[None],
-    }
-    for block in blocks:
-        exec(compile(block, str(README), "exec"), names)
-    assert names["result"].fitness.shape == (1,)
-    assert names["scene"].light == (20.0, 30.0)
-    assert names["states"].shape == (10, 5, 5, 12)
-    assert names["reward"] > 0.0
-    assert names["observations"].shape == (4096, 5, 5)
+def _blocks(document: Path, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", document.read_text(), flags=re.DOTALL)
+
+
+def _command_lines(document: Path) -> list[str]:
+    """Commands in the shell blocks, without comments."""
+    lines = [line for block in _blocks(document, "bash") for line in block.splitlines()]
+    commands = [part for line in lines for part in line.split(" && ")]
+    return [shlex.join(shlex.split(command, comments=True)) for command in commands if command]
+
+
+def _call(command: list[str], folder: Path, code: str | None = None) -> str:
+    """What a command prints; it must succeed."""
+    done = subprocess.run(command, cwd=folder, input=code, capture_output=True, text=True)
+    assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def _by_document(documents: list[Path]) -> list[object]:
+    return [
+        pytest.param(line, id=f"{document.name}: {line}")
+        for document in documents
+        for line in dict.fromkeys(_command_lines(document))
+    ]
+
+
+@pytest.mark.parametrize("document", [README, ROOT / "docs" / "environments.md"], ids=str)
+def test_python_blocks_run_one_after_another(document, tmp_path):
+    expected = EXPECTED[document.name]
+    values = ", ".join(f"{text!r}: {text}" for text in expected)
+    code = "\n".join(
+        [*_blocks(document, "python"), f"import json; print(json.dumps({{{values}}}))"]
+    )
+    printed = _call([sys.executable, "-"], tmp_path, code)
+    assert json.loads(printed.splitlines()[-1]) == expected
+
+
+def _check_pip(arguments: list[str]) -> None:
+    if "-e" in arguments:
+        extras = re.findall(r"[\w-]+", arguments[arguments.index("-e") + 1])
+        setup = configparser.ConfigParser(interpolation=None)
+        setup.read(ROOT / "setup.cfg")
+        assert set(extras) <= setup["options.extras_require"].keys()
+
+
+def _check_ncrs(arguments: list[str], printed: Callable[[], str]) -> None:
+    command, *rest = arguments
+    sys.argv = ["ncrs", command, "--help"]
+    with pytest.raises(SystemExit, match="0"):
+        runpy.run_module("ncrs", run_name="__main__")
+    shown = printed()
+    assert [word for word in rest if word.startswith("--") and word not in shown] == []
+
+
+def _check_train(arguments: list[str], printed: Callable[[], str]) -> None:
+    # Only a run that exists can be resumed.
+    given = [word for word in arguments if not word.startswith("resume=") and word != "-m"]
+    first = [word.split(",")[0] for word in given]  # of a sweep
+    sys.argv = [str(ROOT / "train.py"), *first, "--cfg", "job"]
+    runpy.run_path(sys.argv[0], run_name="__main__")
+    assert "generations:" in printed()
+
+
+@pytest.mark.parametrize("line", _by_document(DOCUMENTS))
+def test_command_lines_parse(line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [])
+    program, *arguments = shlex.split(line)
+    if program == "pip":
+        _check_pip(arguments)
+    elif program == "ncrs":
+        _check_ncrs(arguments, lambda: capsys.readouterr().out)
+    elif program == "python" and arguments[0] == "train.py":
+        _check_train(arguments[1:], lambda: capsys.readouterr().out)
+    elif program == "python" and arguments[0] == "-m":
+        assert (ROOT / f"{arguments[1].replace('.', '/')}.py").is_file()
+    elif program == "python":
+        assert (ROOT / arguments[0]).is_file()
+    else:
+        tools = {"pytest", "tensorboard", "ruff", "mypy", "lint-imports", "pre-commit"}
+        assert program in tools
+
+
+@pytest.fixture(scope="module")
+def folder_with_a_run(tmp_path_factory):
+    """A folder that holds a tiny run as ``runs/RUN``."""
+    folder = tmp_path_factory.mktemp("readme")
+    start = ["start_from=light_chase/best", "hydra.run.dir=runs/RUN"]
+    _call([*TRAIN, *shlex.split(TINY), *start], folder)
+    return folder
+
+
+NCRS_LINES = [line for line in _command_lines(README) if line.startswith("ncrs ")]
+TRAIN_LINES = [line for line in _command_lines(README) if line.startswith("python train.py ")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", [line for line in NCRS_LINES if "play" not in line])
+def test_the_readmes_ncrs_commands_run(line, folder_with_a_run):
+    run = folder_with_a_run / "runs" / "RUN"
+    before = set(run.iterdir())
+    printed = _call([*COMMAND, *shlex.split(line)[1:]], folder_with_a_run)
+    made = {path.name for path in set(run.iterdir()) - before}
+    assert (
+        made
+        == {
+            "render": {"body.png", "growth_and_episodes.png", "episodes.gif"},
+            "evaluate": {"evaluation.json"},
+            "archive": set(),
+            "report": {"report"},
+            "film": {"film.mp4", "film.gif"},
+            "figures": {"figures"},
+        }[line.split()[1]]
+    )
+    assert printed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", TRAIN_LINES)
+def test_the_readmes_training_commands_run(line, folder_with_a_run):
+    given = shlex.split(line)[2:]
+    names = [word.split("=")[0] for word in given]
+    tiny = [word for word in shlex.split(TINY) if word.split("=")[0] not in names]
+    if "resume" in names:  # a run keeps its settings, and may only be prolonged
+        given, tiny = ["resume=runs/RUN", "generations=2"], []
+    folders = set(folder_with_a_run.glob("runs/**/config.json"))
+    _call([*TRAIN, *given, *tiny], folder_with_a_run)
+    made = set(folder_with_a_run.glob("runs/**/config.json")) - folders
+    assert len(made) == (0 if "resume" in names else 4 if "-m" in names else 1)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_names_paths_and_links_exist(document):
+    text = document.read_text()
+    names = re.findall(r"`(ncrs(?:_envs)?(?:\.\w+)+)\b", text)
+    assert [name for name in dict.fromkeys(names) if not _resolves(name)] == []
+    paths = re.findall(r"`((?:\.ci|conf|ncrs|ncrs_envs|tests|benchmarks)/[\w/.]*)`", text)
+    paths = [path for path in paths if "NAME" not in path]
+    assert [path for path in dict.fromkeys(paths) if not (ROOT / path).exists()] == []
+    links = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in link]
+    assert [link for link in links if not (document.parent / link).exists()] == []
+
+
+def _resolves(name: str) -> bool:
+    """Whether a dotted name is a module, or an attribute of one."""
+    module, _, attribute = name.rpartition(".")
+    try:
+        importlib.import_module(name)
+    except ModuleNotFoundError:
+        return bool(module) and hasattr(importlib.import_module(module), attribute)
+    return True
+
+
+def test_the_readme_is_short():
+    assert 800 <= len(README.read_text().split()) <= 1000
+
+
+def test_versions_and_steps_agree():
+    setup = (ROOT / "setup.cfg").read_text()
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text())
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert citation["version"] == ncrs.__version__
+    job = workflow["jobs"]["tests"]
+    pythons = re.findall(r"Python :: (3\.\d+)", setup)
+    assert job["strategy"]["matrix"]["python"] == pythons == ["3.10", "3.11", "3.12", "3.13"]
+    called = [step["run"].split()[1] for step in job["steps"] if "run" in step]
+    defined = re.findall(r"^step_(\w+)\(\)", (ROOT / ".ci" / "run").read_text(), flags=re.MULTILINE)
+    assert called == [step for step in defined if step != "chromium"]
