@@ -22,7 +22,7 @@ from benchmarks.fingerprints import (
     train,
 )
 from ncrs.engines.base import ENGINES
-from ncrs.evolution.optimizers.base import OPTIMIZERS
+from ncrs.evolution.optimizers import OPTIMIZERS
 from ncrs_envs import TASKS
 from ncrs_envs.body import body_measures
 
