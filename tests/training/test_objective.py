@@ -60,7 +60,7 @@ def test_a_start_that_does_not_fit_is_refused(seed_file, tmp_path):
         )
     with pytest.raises(ConfigError, match="does not treat left and right alike"):
         Trainer(config(symmetric=True, start_from=str(seed_file)), tmp_path / "run")
-    with pytest.raises(ConfigError, match="There is no champion"):
+    with pytest.raises(ConfigError, match="does not exist"):
         Trainer(config(start_from=str(tmp_path / "nothing")), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
