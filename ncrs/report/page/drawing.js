@@ -26,7 +26,7 @@
   function drawCell(context, character, value, gas) {
     const { palette, cells } = NCRSReport.overview.world;
     const cell = cells[character];
-    const hue = cell.name === "target sensor" ? palette.green : palette.amber;
+    const hue = cell.name === "target sensor" ? palette.sky : palette.amber;
     const fill = cell.senses ? mix(palette.sensor_base, hue, value)
       : cell.drives ? palette.wheel_base : palette.tissue;
     context.fillStyle = fill;
@@ -45,7 +45,7 @@
       context.strokeStyle = palette.wall_edge;
       context.lineWidth = 0.1;
       context.strokeRect(-0.45, -0.78, 0.9, 1.56);
-      context.fillStyle = gas >= 0 ? palette.sky : palette.vermilion;
+      context.fillStyle = gas >= 0 ? palette.green : palette.vermilion;
       context.fillRect(-0.4, 0, 0.8, -0.74 * gas);
     }
   }
@@ -173,10 +173,10 @@
     }
     if (scenario.target) {
       const [x, y] = scenario.target, half = world.targetSide / 2;
-      context.strokeStyle = palette.green;
+      context.strokeStyle = palette.sky;
       context.lineWidth = 0.7;
       context.strokeRect(x - half, -y - half, 2 * half, 2 * half);
-      ring(context, scenario.target, world.successRadius, palette.green);
+      ring(context, scenario.target, world.successRadius, palette.sky);
     }
     if (ball) {
       context.fillStyle = palette.amber;
@@ -199,7 +199,7 @@
     drawField(context, reach);
     drawWalls(context, scenario.walls);
     drawGoals(context, scenario, frame.ball);
-    context.strokeStyle = world.palette.sky;
+    context.strokeStyle = world.palette.tissue;
     context.lineWidth = 0.6;
     context.beginPath();
     frame.path.forEach(([x, y], i) => (i ? context.lineTo(x, -y) : context.moveTo(x, -y)));
