@@ -257,7 +257,7 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         raise OptimizerError(
             f"The covariance could not be made positive definite in {_MAX_ATTEMPTS} attempts. "
             f"Start a new search with precision=float64, {_FROM_CHAMPION} With restart_sigma it "
-            "would have started anew before it came to this."
+            "would have started again before it came to this."
         )
 
     def _estimate_condition(self) -> None:

@@ -1,7 +1,7 @@
 """The state of a pycma evolution strategy as plain data, without pickle.
 
 pycma keeps its state in attributes of a small tree of its own objects. ``capture`` copies those
-that hold data; ``restore`` lays them over a strategy made anew with the same options, which brings
+that hold data; ``restore`` lays them over a new strategy with the same options, which brings
 all that is code.
 """
 

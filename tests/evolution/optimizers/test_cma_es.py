@@ -102,20 +102,6 @@ def test_a_schedule_decides_the_step_size(name):
     np.testing.assert_allclose(sigmas, [0.1, 0.05, 0.025, 0.02])
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"sigma_decay": 0.9}, "step_size=csa has no schedule: leave out sigma_decay"),
-        ({"step_size": "decay", "sigma_decay": 1.1}, "sigma_decay must lie in"),
-        ({"step_size": "decay", "sigma_min": 0.2}, "at most sigma"),
-        ({"step_size": "decay", "sigma_min": 0.05, "restart_sigma": 0.05}, "must exceed"),
-    ],
-)
-def test_a_schedule_that_cannot_be_meant_is_refused(settings, message):
-    with pytest.raises(OptimizerError, match=message):
-        make(**settings)
-
-
 @pytest.mark.parametrize("pending", [False, True])
 @pytest.mark.parametrize("step_size", ["csa", "tpa", "decay"])
 def test_a_saved_isotropic_state_goes_on_bit_for_bit(step_size, pending, tmp_path):
@@ -376,34 +362,3 @@ def test_a_foreign_state_is_refused_with_both_values():
         with pytest.raises(OptimizerError, match=message):
             other.load_state(state)
         np.testing.assert_array_equal(other.mean, before)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"sigma": 0.0}, "sigma"),
-        ({"sigma": float("nan")}, "sigma"),
-        ({"sigma": "0.1"}, "sigma must be a number, got '0.1'"),
-        ({"population": 1}, "population"),
-        ({"population": 20.5}, "population must be an integer, got 20.5"),
-        ({"name": "sep_cma_es"}, "name must be 'cma_es'.*optimizer=NAME"),
-        ({"parents": 0}, "parents must be at least 1"),
-        ({"step_size": "fixed"}, "csa"),
-        ({"restart_from": "worst"}, "best.*elite.*mean"),
-        ({"restart_sigma": -1.0}, "restart_sigma must be positive"),
-        ({"sigma": 0.1, "restart_sigma": 0.1}, "smaller than sigma"),
-        ({"linear_algebra": "numpy"}, "pycma.*torch"),
-        ({"precision": "float16"}, "float32.*float64.*float16"),
-        ({"linear_algebra": "pycma", "precision": "float64"}, "leave out precision"),
-        ({"parents": 14, "population": 5}, "14 parents"),
-    ],
-)
-def test_bad_settings(settings, message):
-    with pytest.raises(OptimizerError, match=message):
-        CMAESSettings(**settings)
-
-
-def test_settings_hold_plain_numbers():
-    settings = CMAESSettings(sigma=1, population=np.int64(20))
-    assert type(settings.sigma) is float
-    assert type(settings.population) is int

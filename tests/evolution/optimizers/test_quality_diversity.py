@@ -161,30 +161,3 @@ def test_a_state_of_another_optimizer_or_setting_is_refused():
     ]:
         with pytest.raises(OptimizerError, match=message):
             make(variant, **changes)[0].load_state(state)
-
-
-@pytest.mark.parametrize(
-    ("name", "settings", "message"),
-    [
-        ("cma_me", {"emitters": 0}, "emitters must be at least 1"),
-        ("cma_me", {"patience": 0}, "patience must be at least 1"),
-        ("cma_me", {"ranking": "novelty"}, "improvement"),
-        ("cma_me", {"sigma": -1.0}, "sigma"),
-        ("cma_mae", {"linear_algebra": "pycma"}, "no matrices: leave out linear_algebra"),
-        (
-            "cma_me",
-            {"diagonal": True, "precision": "float64", "device": "cuda"},
-            "no matrices: leave out precision, device",
-        ),
-        ("cma_mae", {"learning_rate": 1.5}, "learning_rate must be from 0 to 1"),
-        ("cma_mae", {"threshold_min": float("nan")}, "threshold_min"),
-        ("map_elites", {"population": 0}, "population"),
-        ("map_elites", {"initial_genomes": -1}, "initial_genomes"),
-        ("map_elites", {"sparse_fraction": 2.0}, "sparse_fraction"),
-        ("map_elites", {"line_sigma": 0.0}, "line_sigma"),
-        ("map_elites", {"sparse_sigma_min": 2.0}, "sparse_sigma_max"),
-    ],
-)
-def test_bad_settings(name, settings, message):
-    with pytest.raises(OptimizerError, match=message):
-        OPTIMIZERS[name].settings(**settings)
