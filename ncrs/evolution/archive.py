@@ -290,9 +290,9 @@ class Archive:
                 is changed.
         """
         for key, value in self._identity.items():
-            if state.get(key) != value:
+            if state[key] != value:
                 raise ArchiveError(
-                    f"Cannot load the archive: its {key} is {state.get(key)!r}, expected {value!r}."
+                    f"Cannot load the archive: its {key} is {state[key]!r}, expected {value!r}."
                 )
         cells, elites = np.asarray(state["cells"]), state["elites"]
         ascending = cells.ndim == 1 and cells.dtype.kind == "i" and (np.diff(cells) > 0).all()

@@ -222,8 +222,7 @@ def test_pyribs_has_room_for_every_triple():
 
 def test_the_archive_command(found, saved, capsys):
     folder = saved.parent
-    main(["archive", str(folder), "--reestimate", "--episodes", "2", "--engine", "box2d",
-          "--export", "csv"])  # fmt: skip
+    main(["archive", str(folder), "--reestimate", "--episodes", "2", "--export", "csv"])
     output = capsys.readouterr().out
     count = len(found[0].archive)
     assert f"{count} of 2,300 measure triples" in output

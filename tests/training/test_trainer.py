@@ -76,9 +76,22 @@ def assert_same(first, second, path=""):
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
+    """A whole run on the engine whose generations are slow enough to be killed between them."""
     run_dir = tmp_path_factory.mktemp("undisturbed")
     result = train(config(), run_dir)
     return run_dir, result
+
+
+def quick(**changes):
+    return config(engine=EngineConfig(name="batched", workers=1), **changes)
+
+
+@pytest.fixture(scope="module")
+def undisturbed_quick(tmp_path_factory):
+    """The same on the fast engine, for what needs no other process."""
+    run_dir = tmp_path_factory.mktemp("undisturbed_quick")
+    train(quick(), run_dir)
+    return run_dir
 
 
 def scalars(run_dir):
@@ -123,10 +136,10 @@ def test_the_seed_decides_the_run_and_workers_do_not(undisturbed, tmp_path):
     )
 
 
-def test_a_longer_run_goes_on_where_the_shorter_ended(undisturbed, tmp_path):
-    train(config(generations=4), tmp_path)
-    train(config(resume=str(tmp_path)), tmp_path)
-    assert_same(final_state(undisturbed[0]), final_state(tmp_path))
+def test_a_longer_run_goes_on_where_the_shorter_ended(undisturbed_quick, tmp_path):
+    train(quick(generations=4), tmp_path)
+    train(quick(resume=str(tmp_path)), tmp_path)
+    assert_same(final_state(undisturbed_quick), final_state(tmp_path))
     steps = [event.step for event in scalars(tmp_path)["fitness/best"]]
     assert steps == list(range(GENERATIONS))
 
@@ -185,7 +198,7 @@ def test_a_polite_stop_saves_says_so_and_goes_on_exactly(undisturbed, tmp_path, 
 
 
 def test_a_full_disk_ends_the_run_clearly_and_it_goes_on_exactly(
-    undisturbed, tmp_path, monkeypatch
+    undisturbed_quick, tmp_path, monkeypatch
 ):
     def full(self, generation, metrics):
         if generation == 3:
@@ -195,10 +208,10 @@ def test_a_full_disk_ends_the_run_clearly_and_it_goes_on_exactly(
     add = MetricsFile.add
     monkeypatch.setattr(MetricsFile, "add", full)
     with pytest.raises(CheckpointError, match=r"(?i)could not write.*no space left.*intact"):
-        train(config(), tmp_path)
+        train(quick(), tmp_path)
     monkeypatch.undo()
-    train(config(resume=str(tmp_path)), tmp_path)
-    assert_same(final_state(undisturbed[0]), final_state(tmp_path))
+    train(quick(resume=str(tmp_path)), tmp_path)
+    assert_same(final_state(undisturbed_quick), final_state(tmp_path))
 
 
 @pytest.mark.parametrize("name", ["file/run", "locked"])
@@ -234,10 +247,10 @@ def test_going_on_with_other_versions_is_warned_of(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(versions, "version", lambda name: "0.1")
         patch.setattr("Box2D.__version__", "0.2")
-        train(config(generations=1), tmp_path)
+        train(quick(generations=1), tmp_path)
     expected = r"saved with torch 0\.1 \(now .*numba 0\.1.*cma 0\.1.*Box2D 0\.2"
     with pytest.warns(versions.VersionWarning, match=expected):
-        train(config(resume=str(tmp_path), generations=2), tmp_path)
+        train(quick(resume=str(tmp_path), generations=2), tmp_path)
 
 
 def test_two_runs_cannot_write_to_one_folder(undisturbed, tmp_path):
@@ -248,8 +261,8 @@ def test_two_runs_cannot_write_to_one_folder(undisturbed, tmp_path):
 
 
 def test_scenarios_per_genome(tmp_path):
-    common = train(config(generations=4), tmp_path / "common")
-    own = train(config(generations=4, common_scenarios=False), tmp_path / "own")
+    common = train(quick(generations=4), tmp_path / "common")
+    own = train(quick(generations=4, common_scenarios=False), tmp_path / "own")
     assert own.state.evaluations == common.state.evaluations
     assert own.state.best_fitness != common.state.best_fitness
 
@@ -270,8 +283,10 @@ def run_train(*arguments):
 
 
 def test_a_sweep_has_a_folder_for_each_job(tmp_path):
+    # Genomes so small that no champion is found, whose assessment would take most of the time.
     done = run_train(
-        "-m", *COMMAND[2:], "task=light_chase,obstacle", "seed=0,1", "generations=1",
+        "-m", "engine=box2d", "engine.workers=1", "optimizer.population=4", "optimizer.sigma=1e-6",
+        "generations=1", "episodes=2", "task=light_chase,obstacle", "seed=0,1",
         f"hydra.sweep.dir={tmp_path}",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
