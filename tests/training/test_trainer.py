@@ -83,7 +83,7 @@ def undisturbed(tmp_path_factory):
 
 
 def quick(**changes):
-    return config(engine=EngineConfig(name="batched", workers=1), **changes)
+    return config(engine=EngineSettings(name="batched", workers=1), **changes)
 
 
 @pytest.fixture(scope="module")
