@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -90,17 +88,3 @@ def test_compilation_is_announced_when_it_takes_long_and_only_then(monkeypatch, 
     with caplog.at_level(logging.WARNING), batched._compilation_notice():
         pass
     assert caplog.text == ""
-
-
-def test_without_numba_the_error_names_the_other_engine():
-    code = (
-        "import sys; sys.modules['numba'] = sys.modules['llvmlite'] = None\n"
-        "import ncrs.engines.evaluate, ncrs.engines\n"
-        "try:\n"
-        "    ncrs.engines.make_engine('batched', None)\n"
-        "except ImportError as error:\n"
-        "    print(error)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "pip install numba" in done.stdout
-    assert "engine='box2d'" in done.stdout
