@@ -22,15 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs_envs.batched.dtypes import records
 from ncrs_envs.batched.dynamics import grid_center
-from ncrs_envs.batched.layout import (
-    STATE_SIZE,
-    STATE_SUCCESS,
-    STATE_TOUCHED,
-)
-from ncrs_envs.batched.manifolds import scratch_size
-from ncrs_envs.batched.records import robot_arrays, scenario_arrays, settings_array
-from ncrs_envs.batched.simulate import reset_run, step_run
+from ncrs_envs.batched.layout import State
+from ncrs_envs.batched.records import single_world
+from ncrs_envs.batched.simulate import reset_episode, step_episode
 from ncrs_envs.body import BodyGrid, Cell, cell_centers
 from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.physics import wheel_model
@@ -107,20 +103,16 @@ def run_box2d(task: Task, case: Case) -> Run:
 def run_batched(task: Task, case: Case) -> Run:
     """Replay a case on the batched simulator's kernels."""
     n = case.body.shape[0]
-    settings = settings_array(TaskSettings(task.name, n))
-    robots, cells = robot_arrays(case.body[None])
-    scenario = scenario_arrays([case.scenario], n)[0]
-    state, observation = np.zeros(STATE_SIZE), np.zeros(n * n, dtype=np.float32)
-    scratch = np.zeros(scratch_size(n))
-    reset_run(settings, robots[0], cells[0], scenario, state, observation)
+    world = single_world(TaskSettings(task.name, n), case.body, case.scenario)
+    state: State = records(State, 1)[0]
+    observation = np.zeros(n * n, dtype=np.float32)
+    reset_episode(world, state, observation)
     rewards, touched = [], False
     for action in case.actions.reshape(len(case.actions), -1):
-        rewards.append(
-            step_run(settings, robots[0], cells[0], scenario, state, scratch, action, observation)
-        )
-        touched = touched or bool(state[STATE_TOUCHED])
-    center = grid_center(robots[0], state)
-    return Run(float(np.mean(rewards)), bool(state[STATE_SUCCESS]), touched, center)
+        rewards.append(step_episode(world, state, action, observation))
+        touched = touched or bool(state.touched)
+    center = grid_center(world.robot, state)
+    return Run(float(np.mean(rewards)), bool(state.success), touched, center)
 
 
 def free_cases(count: int) -> Iterator[Case]:

@@ -15,7 +15,7 @@ import sys
 from typing import Any
 
 from benchmarks.workload import EPISODES, POPULATION, nearly_full_genomes, rollout_speed
-from ncrs.engines.base import available_cores
+from ncrs_envs.cores import available_cores
 
 TASK = "light_chase"
 POPULATIONS = (1, 8, 29, POPULATION, 448)

@@ -27,7 +27,8 @@ from benchmarks.workload import (
 )
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCAPopulation
-from ncrs.engines.base import ENGINES, available_cores
+from ncrs.engines.base import ENGINES
+from ncrs_envs.cores import available_cores
 from ncrs_envs.tasks import TASKS
 
 AUTHORS_STEPS_PER_S_AND_CORE = 140

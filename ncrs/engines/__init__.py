@@ -3,7 +3,7 @@
 - ``base``: the interface, its checks, and the registry of engines.
 - ``box2d`` and ``pool``: the reference, one process per core.
 - ``batched``, ``rollout_kernels``, ``nca_kernels``, ``tiles``: everything compiled, one thread per
-  core.
+  core; ``tapes`` records what the rollout does.
 - ``evaluate``: the one call for scripts and notebooks.
 """
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from ncrs.automaton.channels import NCALayout
 from ncrs_envs.body import body_measures
+from ncrs_envs.cores import available_cores
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.scenario import Scenario, ScenarioError
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
@@ -201,13 +201,6 @@ def _is_row(value: Any) -> bool:
         and len(value) > 0
         and all(isinstance(item, Scenario) for item in value)
     )
-
-
-def available_cores() -> int:
-    """Number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def check_workers(workers: Any) -> int:

@@ -22,8 +22,16 @@ from ncrs.engines.base import (
     StopCheck,
 )
 from ncrs.engines.nca_kernels import IntArray, pack_genomes
-from ncrs.engines.rollout_kernels import grow_population, make_workspace, roll_out_population
-from ncrs_envs.batched.records import quad_capacity, scenario_arrays, settings_array
+from ncrs.engines.rollout_kernels import (
+    Grown,
+    Rollout,
+    grow_population,
+    make_outcomes,
+    make_workspace,
+    roll_out_population,
+)
+from ncrs_envs.batched.layout import Scenarios
+from ncrs_envs.batched.records import scenario_records, settings_record
 from ncrs_envs.tasks import MAX_EPISODE_STEPS
 
 _LOGGER = logging.getLogger(__name__)
@@ -49,42 +57,40 @@ class BatchedEngine(Engine):
         population, episodes, n = len(genomes), len(rows[0]), settings.grid_size
         growth, control = pack_genomes(genomes, self.layout)
         part_codes = np.array(self.layout.part_codes, dtype=np.int8)
-        bodies = np.zeros((population, n, n), dtype=np.int8)
-        finite = np.ones(population, dtype=np.bool_)
-        result = RolloutResult(
-            bodies=bodies,
-            episode_fitness=np.zeros((population, episodes)),
-            success=np.zeros((population, episodes), dtype=np.bool_),
-            crossed=np.zeros((population, episodes), dtype=np.bool_),
-            closest=np.full((population, episodes, settings.task.distances), np.inf),
+        grown = Grown(
+            np.zeros((population, n, n), dtype=np.int8), np.ones(population, dtype=np.bool_)
         )
-        scenarios = _scenario_table(rows, n)
-        task_settings = settings_array(settings)
+        outcomes = make_outcomes(population, episodes, settings.task.distances)
+        rollout = Rollout(
+            networks=control,
+            part_codes=part_codes,
+            bodies=grown.bodies,
+            settings=settings_record(settings),
+            scenarios=_scenario_table(rows, n),
+            steps=MAX_EPISODE_STEPS,
+        )
 
         def grow(chosen: IntArray) -> None:
-            grow_population(growth, part_codes, growth_steps(n), chosen, bodies, finite)
+            grow_population(growth, part_codes, growth_steps(n), chosen, grown)
 
         def roll_out(chosen: IntArray) -> None:
-            roll_out_population(
-                control, part_codes, task_settings, scenarios, MAX_EPISODE_STEPS,
-                make_workspace(n), chosen, bodies,
-                result.episode_fitness, result.success, result.crossed, result.closest,
-            )  # fmt: skip
+            workspace = make_workspace(n, episodes)
+            roll_out_population(rollout, workspace, chosen, outcomes, None)
 
         with _compilation_notice():
             for kernel in (grow, roll_out):
                 kernel(np.arange(0))  # no genomes: compiles, or loads what is on disk
         self._spread(grow, np.arange(population), _GROWTH_CHUNK, should_stop)
-        for genome in np.flatnonzero(~finite):
+        for genome in np.flatnonzero(~grown.finite):
             warnings.warn(
                 f"The NCA's state of genome {genome} turned non-finite during growth; it has no "
                 "body. Its weights are too large.",
                 NonFiniteStateWarning,
                 stacklevel=3,
             )
-        valid = np.flatnonzero(settings.task.is_valid(bodies))
+        valid = np.flatnonzero(settings.task.is_valid(grown.bodies))
         self._spread(roll_out, valid, 1, should_stop)
-        return result
+        return RolloutResult(grown.bodies, *outcomes)
 
     def _spread(
         self,
@@ -124,8 +130,9 @@ def _compilation_notice() -> Iterator[None]:
         notice.cancel()
 
 
-def _scenario_table(rows: ScenarioRows, grid_size: int) -> NDArray[np.float64]:
-    """Records of all scenarios, shape ``(rows, R, record)``."""
-    flat = [scenario for row in rows for scenario in row]
-    table = scenario_arrays(flat, grid_size, quad_capacity(flat))
-    return table.reshape(len(rows), len(rows[0]), -1)
+def _scenario_table(rows: ScenarioRows, grid_size: int) -> Scenarios:
+    """Records of all scenarios, shape ``(rows, E)``."""
+    shape = (len(rows), len(rows[0]))
+    flat = scenario_records([scenario for row in rows for scenario in row], grid_size)
+    quads = flat.quads.reshape(*shape, -1)
+    return Scenarios(flat.scenarios.reshape(shape), quads)

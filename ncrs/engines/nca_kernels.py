@@ -1,14 +1,15 @@
-"""The NCA as numba kernels: growth and control of one genome, all its runs at once.
+"""The NCA as numba kernels: growth and control of one genome, all its episodes at once.
 
 The second and third layers are matrix products; the first is one matrix product per neighbour,
 taken over the neighbours that exist. Three savings are exact: during control the fixed channels
 contribute a constant per cell to the first layer; only the channels that change are computed; and
 cells that are empty or outside the grid contribute nothing, so they are not visited.
 
-Arrays are flat float32. States lie ``[cell][run][channel]`` with the channels padded to
-``GROWTH_LANES`` or ``CONTROL_LANES``, units ``[run][unit]`` padded to ``UNIT_LANES``.
+Arrays are float32, weights flat. States have shape ``(cells, episodes, lanes)``, with the
+channels padded to ``GROWTH_LANES`` or ``CONTROL_LANES``; units lie ``[episode][unit]``, padded to
+``UNIT_LANES``.
 Every value is computed in one fixed order, so results depend neither on the thread nor on the
-place of a run or a genome. Source: paper section 3.
+place of an episode or a genome. Source: paper section 3.
 """
 
 from __future__ import annotations
@@ -45,9 +46,9 @@ GROWTH_LANES = 16
 """All channels, padded."""
 CONTROL_LANES = 8
 """The channels that change during control, padded."""
-RUN_TILE = 6
-"""Runs that are computed together: half of the paper's 12. Their accumulators fill 12 of 32 vector
-registers of 512 bits; more is slower where registers are fewer and narrower."""
+EPISODE_TILE = 6
+"""Episodes that are computed together: half of the paper's 12. Their accumulators fill 12 of 32
+vector registers of 512 bits; more is slower where registers are fewer and narrower."""
 
 CHANGING_CHANNELS = HIDDEN_CHANNELS + 1
 IO_LANE = CHANGING_CHANNELS - 1
@@ -58,6 +59,8 @@ _LIMIT = np.float32(STATE_LIMIT)
 
 FloatArray = NDArray[np.float32]
 IntArray = NDArray[np.int64]
+_Place = tuple[int, int]
+"""A cell's number, and an episode's index."""
 
 
 class Network(NamedTuple):
@@ -179,43 +182,38 @@ def link_cells(exists: NDArray[Any], channels: int, first_channel: int) -> Graph
     return Graph(start, source, weights)
 
 
+class _FirstLayer(NamedTuple):
+    """What the first layer's sums begin with, at ``start``, and how many channels links add."""
+
+    constants: FloatArray
+    start: int
+    channels: int
+
+
+class _Buffers(NamedTuple):
+    """Current states, updated ones, and room for two layers of units."""
+
+    states: FloatArray
+    updated: FloatArray
+    units: FloatArray
+
+
 def _make_cell_update(rows: int, lanes: int) -> Callable[..., None]:
-    """The NCA's update of one cell in ``rows`` runs; the tile's size is fixed at compilation."""
+    """The NCA's update of a cell in ``rows`` episodes; the tile's size is fixed at compilation."""
 
     @kernel
     def update_cell(
-        network: Network,
-        constants: FloatArray,
-        constant: int,
-        graph: Graph,
-        inputs: int,
-        cell: int,
-        run: int,
-        runs: int,
-        states: FloatArray,
-        updated: FloatArray,
-        units: FloatArray,
+        network: Network, graph: Graph, layer: _FirstLayer, buffers: _Buffers, place: _Place
     ) -> None:
-        """Write ``clip(x + dx)`` of ``cell`` in runs ``run`` to ``run + rows`` to ``updated``.
-
-        Args:
-            network: the genome's weights.
-            constants: what is added to the first layer's sums, at ``constant``.
-            constant: offset in ``constants``.
-            graph: the links.
-            inputs: channels that a link reads.
-            cell: cell number.
-            run: first run.
-            runs: runs in the state arrays.
-            states: current states.
-            updated: output.
-            units: scratch for two layers of ``rows`` runs.
-        """
-        tile = repeat_row(rows, UNIT_LANES, constants, constant)
+        """Write ``clip(x + dx)`` of a cell in ``rows`` episodes from the place's on."""
+        states, updated, units = buffers
+        cell, episode = place
+        episodes = states.shape[1]
+        tile = repeat_row(rows, UNIT_LANES, layer.constants, layer.start)
         for link in range(graph.start[cell], graph.start[cell + 1]):
-            source = (graph.source[link] * runs + run) * lanes
+            source = (graph.source[link] * episodes + episode) * lanes
             weights = graph.weights[link]
-            for channel in range(inputs):
+            for channel in range(layer.channels):
                 weight = weights + channel * UNIT_LANES
                 tile = add_outer_product(
                     tile, network.first, weight, states, source + channel, lanes
@@ -232,14 +230,14 @@ def _make_cell_update(rows: int, lanes: int) -> Callable[..., None]:
             change = add_outer_product(
                 change, network.third, unit * lanes, units, second + unit, UNIT_LANES
             )
-        place = (cell * runs + run) * lanes
-        store_clipped_sum(change, _LIMIT, states, updated, place, lanes)
+        first = (cell * episodes + episode) * lanes
+        store_clipped_sum(change, _LIMIT, states, updated, first, lanes)
 
     return update_cell
 
 
 _update_growing_cell = _make_cell_update(1, GROWTH_LANES)
-_update_control_cells = _make_cell_update(RUN_TILE, CONTROL_LANES)
+_update_control_cells = _make_cell_update(EPISODE_TILE, CONTROL_LANES)
 
 
 @kernel
@@ -255,34 +253,32 @@ def growth_step(
         network: the genome's weights for growth.
         graph: links of the whole grid.
         channels: number of channels C.
-        states: ``[cell][GROWTH_LANES]``.
-        updated: output, same layout.
+        states: ``(cells, 1, GROWTH_LANES)``.
+        updated: output, same shape.
     """
-    units = np.empty(2 * UNIT_LANES, dtype=np.float32)
+    buffers = _Buffers(states, updated, np.empty(2 * UNIT_LANES, dtype=np.float32))
+    layer = _FirstLayer(network.first_bias, 0, channels)
     finite = True
     for cell in range(graph.start.shape[0] - 1):
         alive = False
         for link in range(graph.start[cell], graph.start[cell + 1]):
-            body = states[graph.source[link] * GROWTH_LANES + BODY_CHANNEL]
+            body = states[graph.source[link], 0, BODY_CHANNEL]
             alive = alive or body > ALIVE_THRESHOLD
         if alive:
-            _update_growing_cell(
-                network, network.first_bias, 0, graph, channels, cell, 0, 1,
-                states, updated, units,
-            )  # fmt: skip
+            _update_growing_cell(network, graph, layer, buffers, (cell, 0))
         else:
-            updated[cell * GROWTH_LANES : (cell + 1) * GROWTH_LANES] = 0.0
-        for place in range(cell * GROWTH_LANES, (cell + 1) * GROWTH_LANES):
-            finite = finite and np.isfinite(updated[place])
+            updated[cell] = 0.0
+        for lane in range(GROWTH_LANES):
+            finite = finite and np.isfinite(updated[cell, 0, lane])
     return finite
 
 
 @kernel
 def seed_lanes(grid_size: int) -> FloatArray:
     """The state that growth starts from, as the kernels lay it out: body 1 in the middle cell."""
-    states = np.zeros(grid_size * grid_size * GROWTH_LANES, dtype=np.float32)
+    states = np.zeros((grid_size * grid_size, 1, GROWTH_LANES), dtype=np.float32)
     middle = grid_size // 2
-    states[(middle * grid_size + middle) * GROWTH_LANES + BODY_CHANNEL] = 1.0
+    states[middle * grid_size + middle, 0, BODY_CHANNEL] = 1.0
     return states
 
 
@@ -313,9 +309,9 @@ def grow_body(
         states, updated = updated, states
     for row in range(n):
         for column in range(n):
-            place = (row * n + column) * GROWTH_LANES
-            if states[place + BODY_CHANNEL] > ALIVE_THRESHOLD:
-                values = states[place + FIRST_PART_CHANNEL :][: part_codes.shape[0]]
+            cell = states[row * n + column, 0]
+            if cell[BODY_CHANNEL] > ALIVE_THRESHOLD:
+                values = cell[FIRST_PART_CHANNEL:][: part_codes.shape[0]]
                 body[row, column] = part_codes[np.argmax(values)]
     return True
 
@@ -364,24 +360,22 @@ def control_step(
     network: Network,
     constants: FloatArray,
     graph: Graph,
-    runs: int,
     states: FloatArray,
     updated: FloatArray,
 ) -> None:
-    """One NCA step of every occupied cell in every run.
+    """One NCA step of every occupied cell in every episode.
 
     Args:
         network: the genome's weights for control.
         constants: from ``control_constants``.
         graph: links of the occupied cells, from the first changing channel on.
-        runs: number of runs, a multiple of ``RUN_TILE``.
-        states: ``[occupied cell][run][CONTROL_LANES]``.
-        updated: output, same layout.
+        states: ``(occupied cells, episodes, CONTROL_LANES)``; the number of episodes is a multiple
+            of ``EPISODE_TILE``.
+        updated: output, same shape.
     """
-    units = np.empty(2 * RUN_TILE * UNIT_LANES, dtype=np.float32)
+    units = np.empty(2 * EPISODE_TILE * UNIT_LANES, dtype=np.float32)
+    buffers = _Buffers(states, updated, units)
     for cell in range(graph.start.shape[0] - 1):
-        for run in range(0, runs, RUN_TILE):
-            _update_control_cells(
-                network, constants, cell * UNIT_LANES, graph, CHANGING_CHANNELS, cell, run,
-                runs, states, updated, units,
-            )  # fmt: skip
+        layer = _FirstLayer(constants, cell * UNIT_LANES, CHANGING_CHANNELS)
+        for episode in range(0, states.shape[1], EPISODE_TILE):
+            _update_control_cells(network, graph, layer, buffers, (cell, episode))

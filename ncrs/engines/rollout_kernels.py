@@ -1,7 +1,8 @@
 """Growth of a population, and the fused rollout: NCA, physics and scoring in one compiled loop.
 
 Both kernels work through a list of genomes and write only those genomes' rows, so that callers can
-spread genomes over threads as they like; no result depends on how.
+spread genomes over threads as they like; no result depends on how. With tapes the rollout also
+writes down every step, which changes nothing in what it computes.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from ncrs.automaton.channels import FIRST_PART_CHANNEL, STEPS_PER_ACTION
 from ncrs.engines.nca_kernels import (
     CHANGING_CHANNELS,
     CONTROL_LANES,
+    EPISODE_TILE,
     IO_LANE,
-    RUN_TILE,
     FloatArray,
     IntArray,
     Network,
@@ -26,41 +27,87 @@ from ncrs.engines.nca_kernels import (
     link_cells,
     network_of,
 )
+from ncrs.engines.tapes import Entry, Tapes, record_action, record_poses, record_states
 from ncrs_envs.batched.compiler import kernel
+from ncrs_envs.batched.dtypes import records
 from ncrs_envs.batched.layout import (
-    CELLS_HEADER,
-    CELLS_SENSORS,
-    CELLS_WHEELS,
-    STATE_CLOSEST,
-    STATE_CROSSED,
-    STATE_SIZE,
-    STATE_SUCCESS,
-    cells_size,
-    robot_size,
+    Robots,
+    Scenarios,
+    Scratch,
+    Sensor,
+    Settings,
+    State,
+    Wheel,
+    Worlds,
+    make_robots,
+    make_scratch,
 )
-from ncrs_envs.batched.manifolds import scratch_size
 from ncrs_envs.batched.robot import prepare_robot
-from ncrs_envs.batched.simulate import reset_run, step_run
+from ncrs_envs.batched.simulate import reset_episode, step_episode, world_at
 from ncrs_envs.body import Cell
 
 _EMPTY = int(Cell.EMPTY)
 
 
+class Grown(NamedTuple):
+    """Bodies of a population."""
+
+    bodies: NDArray[np.int8]
+    """Cell codes, ``(P, n, n)``."""
+    finite: NDArray[np.bool_]
+    """Whether all states stayed finite, ``(P,)``; the body is empty if not."""
+
+
+class Rollout(NamedTuple):
+    """What to roll out: P genomes in E episodes each."""
+
+    networks: Network
+    """Weights for control, ``(P, ...)``."""
+    part_codes: NDArray[np.int8]
+    """Cell code of each part channel."""
+    bodies: NDArray[np.int8]
+    """Cell codes, ``(P, n, n)``."""
+    settings: Settings
+    scenarios: Scenarios
+    """``(P or 1, E)``."""
+    steps: int
+    """Control steps per episode."""
+
+
+class Outcomes(NamedTuple):
+    """What comes of P genomes in E episodes; see ``ncrs.engines.base.Evaluation``."""
+
+    episode_fitness: NDArray[np.float64]
+    """Mean reward, ``(P, E)``; NaN where the automaton's state turned non-finite."""
+    success: NDArray[np.bool_]
+    crossed: NDArray[np.bool_]
+    closest: NDArray[np.float64]
+    """``(P, E, D)``: to the light, or to the ball and of that to the target."""
+
+
 class Workspace(NamedTuple):
-    """What the physics of one robot at a time needs; see ``ncrs_envs.batched.simulate``."""
+    """What the physics of one robot at a time needs; threads must not share one."""
 
-    robot: NDArray[np.float64]
-    cells: NDArray[np.int32]
-    scratch: NDArray[np.float64]
+    robots: Robots
+    """Of one."""
+    scratch: Scratch
+    states: NDArray[State]
+    """Of all its episodes."""
 
 
-def make_workspace(grid_size: int) -> Workspace:
-    """A new workspace for bodies of that grid size; threads must not share one."""
-    return Workspace(
-        np.zeros(robot_size(grid_size)),
-        np.zeros(cells_size(grid_size), dtype=np.int32),
-        np.zeros(scratch_size(grid_size)),
+def make_outcomes(population: int, episodes: int, distances: int) -> Outcomes:
+    """Outcomes of episodes that have not begun."""
+    return Outcomes(
+        np.zeros((population, episodes)),
+        np.zeros((population, episodes), dtype=np.bool_),
+        np.zeros((population, episodes), dtype=np.bool_),
+        np.full((population, episodes, distances), np.inf),
     )
+
+
+def make_workspace(grid_size: int, episodes: int) -> Workspace:
+    """A new workspace for bodies of that grid size in so many episodes."""
+    return Workspace(make_robots(1, grid_size), make_scratch(grid_size), records(State, episodes))
 
 
 @kernel
@@ -69,8 +116,7 @@ def grow_population(
     part_codes: NDArray[np.int8],
     steps: int,
     genomes: IntArray,
-    bodies: NDArray[np.int8],
-    finite: NDArray[np.bool_],
+    grown: Grown,
 ) -> None:
     """Grow the bodies of some genomes.
 
@@ -79,121 +125,109 @@ def grow_population(
         part_codes: cell code of each part channel.
         steps: number of growth steps.
         genomes: which genomes to grow.
-        bodies: output, shape ``(P, n, n)``.
-        finite: output, ``(P,)``: whether all states stayed finite; the body is empty if not.
+        grown: output.
     """
     for genome in genomes:
         network = network_of(networks, genome)
-        finite[genome] = grow_body(network, part_codes, steps, bodies[genome])
+        grown.finite[genome] = grow_body(network, part_codes, steps, grown.bodies[genome])
 
 
 @kernel
 def roll_out_population(
-    networks: Network,
-    part_codes: NDArray[np.int8],
-    settings: NDArray[np.float64],
-    scenarios: NDArray[np.float64],
-    steps: int,
+    rollout: Rollout,
     workspace: Workspace,
     genomes: IntArray,
-    bodies: NDArray[np.int8],
-    episode_fitness: NDArray[np.float64],
-    success: NDArray[np.bool_],
-    crossed: NDArray[np.bool_],
-    closest: NDArray[np.float64],
+    outcomes: Outcomes,
+    tapes: Tapes | None,
 ) -> None:
-    """Drive the robots of some genomes through their runs.
+    """Drive the robots of some genomes through their episodes.
 
     Args:
-        networks: weights for control, shape ``(P, ...)``.
-        part_codes: cell code of each part channel.
-        settings: from ``records.settings_array``.
-        scenarios: from ``records.scenario_arrays``, shape ``(P or 1, R, ...)``.
-        steps: control steps per run.
+        rollout: what to roll out.
         workspace: this call's own.
-        genomes: which genomes to roll out.
-        bodies: cell codes, ``(P, n, n)``, valid for these genomes.
-        episode_fitness: output, ``(P, R)``: mean reward; NaN where the state turned non-finite.
-        success: output, ``(P, R)``.
-        crossed: output, ``(P, R)``.
-        closest: output, ``(P, R, D)``: least distances to the light, or to the ball and of that to
-            the target.
+        genomes: which genomes to roll out; their bodies are valid.
+        outcomes: output.
+        tapes: output of every step, or None.
     """
     for genome in genomes:
-        _roll_out_genome(
-            network_of(networks, genome),
-            part_codes,
-            settings,
-            scenarios[genome % scenarios.shape[0]],
-            steps,
-            workspace,
-            bodies[genome],
-            episode_fitness[genome],
-            success[genome],
-            crossed[genome],
-            closest[genome],
-        )
+        _roll_out_genome(rollout, workspace, genome, outcomes, tapes)
 
 
 @kernel
 def _roll_out_genome(
-    network: Network,
-    part_codes: NDArray[np.int8],
-    settings: NDArray[np.float64],
-    scenarios: NDArray[np.float64],
-    steps: int,
+    rollout: Rollout,
     workspace: Workspace,
-    body: NDArray[np.int8],
-    episode_fitness: NDArray[np.float64],
-    success: NDArray[np.bool_],
-    crossed: NDArray[np.bool_],
-    closest: NDArray[np.float64],
+    genome: int,
+    outcomes: Outcomes,
+    tapes: Tapes | None,
 ) -> None:
-    """All runs of one genome in step; arguments as above, of this genome alone."""
-    n = body.shape[0]
-    runs = scenarios.shape[0]
-    robot, cells = workspace.robot, workspace.cells
-    prepare_robot(body, robot, cells)
-    physics = np.zeros((runs, STATE_SIZE))
-    observations = np.zeros((runs, n * n), dtype=np.float32)
-    actions = np.zeros((runs, n * n), dtype=np.float32)
-    for run in range(runs):
-        episode_fitness[run] = 0.0
-        reset_run(settings, robot, cells, scenarios[run], physics[run], observations[run])
+    """All episodes of one genome in step; arguments as above."""
+    body = rollout.bodies[genome]
+    network = network_of(rollout.networks, genome)
+    fitness = outcomes.episode_fitness[genome]
+    states = workspace.states
+    places = body.size
+    episodes = len(states)
+    robots = workspace.robots
+    prepare_robot(body, robots.robots[0], robots.wheels[0], robots.sensors[0], robots.exposed[0])
+    row = genome % len(rollout.scenarios.scenarios)
+    scenarios = Scenarios(rollout.scenarios.scenarios[row], rollout.scenarios.quads[row])
+    worlds = Worlds(rollout.settings, robots, scenarios, workspace.scratch)
+    observations = np.zeros((episodes, places), dtype=np.float32)
+    actions = np.zeros((episodes, places), dtype=np.float32)
+    for episode in range(episodes):
+        fitness[episode] = 0.0
+        world = world_at(worlds, 0, episode)
+        reset_episode(world, states[episode], observations[episode])
+        if tapes is not None:
+            entry = Entry(genome, episode, 0)
+            record_poses(tapes, entry, world.robot, states[episode], observations[episode])
 
-    fixed = FIRST_PART_CHANNEL + part_codes.shape[0]
+    fixed = FIRST_PART_CHANNEL + rollout.part_codes.shape[0]
     graph = link_cells(body, fixed + CHANGING_CHANNELS, fixed)
-    constants = control_constants(network, part_codes, body)
+    constants = control_constants(network, rollout.part_codes, body)
     numbers = cell_numbers(body)
-    tiled_runs = -(-runs // RUN_TILE) * RUN_TILE
-    states = np.zeros((graph.start.shape[0] - 1) * tiled_runs * CONTROL_LANES, dtype=np.float32)
-    updated = np.zeros_like(states)
-    for _ in range(steps):
+    tiled = -(-episodes // EPISODE_TILE) * EPISODE_TILE
+    current = np.zeros((graph.start.shape[0] - 1, tiled, CONTROL_LANES), dtype=np.float32)
+    updated = np.zeros_like(current)
+    sensors = robots.sensors[0, : robots.robots[0].sensor_count]
+    wheels = robots.wheels[0, : robots.robots[0].wheel_count]
+    for step in range(1, rollout.steps + 1):
         for _ in range(STEPS_PER_ACTION):
-            write_sensors(cells, n, numbers, observations, tiled_runs, states)
-            control_step(network, constants, graph, tiled_runs, states, updated)
-            states, updated = updated, states
-        for run in range(runs):
-            if not read_wheels(cells, numbers, states, tiled_runs, run, actions[run]):
-                episode_fitness[run] = np.nan
-            if np.isfinite(episode_fitness[run]):
-                episode_fitness[run] += step_run(
-                    settings, robot, cells, scenarios[run], physics[run],
-                    workspace.scratch, actions[run], observations[run],
-                )  # fmt: skip
-    for run in range(runs):
-        episode_fitness[run] /= steps
-        success[run] = physics[run, STATE_SUCCESS] != 0.0
-        crossed[run] = physics[run, STATE_CROSSED] != 0.0
-        for distance in range(closest.shape[1]):
-            closest[run, distance] = physics[run, STATE_CLOSEST + distance]
-        if not _is_finite(states, tiled_runs, run):
-            episode_fitness[run] = np.nan
+            _write_sensors(sensors, numbers, observations, current)
+            control_step(network, constants, graph, current, updated)
+            current, updated = updated, current
+        for episode in range(episodes):
+            if not _read_wheels(wheels, numbers, current, episode, actions[episode]):
+                fitness[episode] = np.nan
+            if np.isfinite(fitness[episode]):
+                world = world_at(worlds, 0, episode)
+                reward = step_episode(
+                    world, states[episode], actions[episode], observations[episode]
+                )
+                fitness[episode] += reward
+                if tapes is not None:
+                    entry = Entry(genome, episode, step)
+                    record_action(tapes, entry, actions[episode], reward)
+                    record_poses(tapes, entry, world.robot, states[episode], observations[episode])
+    if tapes is not None:
+        record_states(tapes, genome, numbers, current)
+    for episode in range(episodes):
+        fitness[episode] /= rollout.steps
+        if not _is_finite(current, episode):
+            fitness[episode] = np.nan
+        state: State = states[episode]
+        outcomes.success[genome, episode] = state.success
+        outcomes.crossed[genome, episode] = state.crossed
+        closest = outcomes.closest[genome, episode]
+        closest[0] = state.closest_goal
+        if len(closest) > 1:
+            closest[1] = state.closest_target
 
 
 @kernel
 def cell_numbers(body: NDArray[np.int8]) -> IntArray:
-    """For each place of the flat grid, the number of its cell among the occupied ones."""
+    """For each place of the flat grid, the number of its cell among the occupied ones, or -1."""
     numbers = np.full(body.size, -1, dtype=np.int64)
     cells = 0
     for place in range(body.size):
@@ -204,48 +238,35 @@ def cell_numbers(body: NDArray[np.int8]) -> IntArray:
 
 
 @kernel
-def write_sensors(
-    cells: NDArray[np.int32],
-    grid_size: int,
-    numbers: IntArray,
-    observations: FloatArray,
-    tiled_runs: int,
-    states: FloatArray,
+def _write_sensors(
+    sensors: NDArray[Sensor], numbers: IntArray, observations: FloatArray, states: FloatArray
 ) -> None:
     """Overwrite the input/output channel of sensor cells with the sensor values."""
-    first = CELLS_HEADER + grid_size * grid_size
-    for sensor in range(cells[CELLS_SENSORS]):
-        place = cells[first + sensor]
-        for run in range(observations.shape[0]):
-            lane = (numbers[place] * tiled_runs + run) * CONTROL_LANES + IO_LANE
-            states[lane] = observations[run, place]
+    for i in range(len(sensors)):
+        place = sensors[i].place
+        for episode in range(observations.shape[0]):
+            states[numbers[place], episode, IO_LANE] = observations[episode, place]
 
 
 @kernel
-def read_wheels(
-    cells: NDArray[np.int32],
-    numbers: IntArray,
-    states: FloatArray,
-    tiled_runs: int,
-    run: int,
-    action: FloatArray,
+def _read_wheels(
+    wheels: NDArray[Wheel], numbers: IntArray, states: FloatArray, episode: int, action: FloatArray
 ) -> bool:
     """Read the wheels' gas into ``action``; returns whether all of it is finite."""
     finite = True
-    for wheel in range(cells[CELLS_WHEELS]):
-        place = cells[CELLS_HEADER + wheel]
-        gas = states[(numbers[place] * tiled_runs + run) * CONTROL_LANES + IO_LANE]
+    for i in range(len(wheels)):
+        place = wheels[i].place
+        gas = states[numbers[place], episode, IO_LANE]
         action[place] = gas
         finite = finite and np.isfinite(gas)
     return finite
 
 
 @kernel
-def _is_finite(states: FloatArray, tiled_runs: int, run: int) -> bool:
-    """Whether the states of one run are finite; a NaN stays in its cell until the end."""
-    stride = tiled_runs * CONTROL_LANES
-    for cell in range(states.shape[0] // stride):
+def _is_finite(states: FloatArray, episode: int) -> bool:
+    """Whether the states of one episode are finite; a NaN stays in its cell until the end."""
+    for cell in range(states.shape[0]):
         for lane in range(CONTROL_LANES):
-            if not np.isfinite(states[cell * stride + run * CONTROL_LANES + lane]):
+            if not np.isfinite(states[cell, episode, lane]):
                 return False
     return True

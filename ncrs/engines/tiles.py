@@ -8,7 +8,7 @@ loop vectorisation of the same products was measured at a sixth of the speed.
 Products and sums may fuse (``contract``) but are never reordered, and NaN is never assumed away:
 a NaN anywhere in the inputs of a value makes that value NaN.
 
-Offsets count float32 elements of flat contiguous arrays and are not checked.
+Offsets count float32 elements of contiguous arrays and are not checked.
 """
 
 # numba's intrinsics are plain functions that its decorator replaces, which mypy cannot follow.

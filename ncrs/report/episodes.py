@@ -11,17 +11,23 @@ from numpy.typing import NDArray
 
 from ncrs.automaton.channels import BODY_CHANNEL, CONTROL_CHANNEL, NCALayout, nca_layout
 from ncrs.engines.nca_kernels import pack_genomes
-from ncrs.engines.rollout_kernels import make_workspace
-from ncrs.report.recording_kernel import make_tapes, record_population
+from ncrs.engines.rollout_kernels import (
+    Rollout,
+    make_outcomes,
+    make_workspace,
+    roll_out_population,
+)
+from ncrs.engines.tapes import make_tapes
 from ncrs.report.robots import ReportError
-from ncrs_envs.batched.records import scenario_arrays, settings_array
-from ncrs_envs.batched.run_batch import default_threads
+from ncrs_envs.batched.layout import Scenarios
+from ncrs_envs.batched.records import scenario_records, settings_record
 from ncrs_envs.body import BodyGrid, Cell
+from ncrs_envs.cores import available_cores
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 _JOBS = 16
-"""Shares that robots are handed to threads in."""
+"""Parts that robots are handed to threads in."""
 
 
 @dataclass(frozen=True)
@@ -69,29 +75,35 @@ def record_episodes(
         workers: threads; None for one per processor. Results do not depend on it.
 
     Raises:
-        ReportError: a robot's gas is no longer finite.
+        ReportError: a robot's automaton turns non-finite.
     """
     count, number, n = len(bodies), len(scenarios), settings.grid_size
     layout = nca_layout(settings.task)
     _, networks = pack_genomes(genomes, layout)
-    part_codes = np.array(layout.part_codes, dtype=np.int8)
-    task = settings_array(settings)
-    table = scenario_arrays(scenarios, n)
+    table = scenario_records(scenarios, n)
+    rollout = Rollout(
+        networks=networks,
+        part_codes=np.array(layout.part_codes, dtype=np.int8),
+        bodies=bodies,
+        settings=settings_record(settings),
+        scenarios=Scenarios(table.scenarios[None], table.quads[None]),
+        steps=steps,
+    )
+    outcomes = make_outcomes(count, number, settings.task.distances)
     tapes = make_tapes(count, number, steps, n * n)
 
     def record(chosen: NDArray[np.int64]) -> None:
-        workspace = make_workspace(n)
-        record_population(networks, part_codes, task, table, workspace, chosen, bodies, tapes)
+        roll_out_population(rollout, make_workspace(n, number), chosen, outcomes, tapes)
 
     record(np.arange(0))  # compiles, or loads what is on disk, before threads ask for it
-    workers = default_threads() if workers is None else workers
+    workers = available_cores() if workers is None else workers
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(record, np.array_split(np.arange(count), min(count, _JOBS))))
-    lost = np.flatnonzero(~tapes.finite)
+    lost = np.flatnonzero(~np.isfinite(outcomes.episode_fitness).all(axis=1))
     if len(lost):
         raise ReportError(
-            f"Episodes cannot be recorded: the gas of robots {lost.tolist()} is not finite; their "
-            "weights are too large."
+            f"Episodes cannot be recorded: the automaton of robots {lost.tolist()} turns "
+            "non-finite; their weights are too large."
         )
     grid = (count, number, steps + 1, n, n)
     return Episodes(

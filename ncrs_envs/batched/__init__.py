@@ -1,15 +1,19 @@
 """The fast simulator: many robots at once, compiled with numba.
 
 The same tasks, bodies, scenarios and constants as the Box2D environments; ``simulate`` documents
-the kernels and their arrays.
+the kernels and ``layout`` the records that they take.
 """
 
-from ncrs_envs.batched.layout import STATE_SIZE
-from ncrs_envs.batched.records import robot_arrays, scenario_arrays, settings_array
+from ncrs_envs.batched.records import (
+    robot_records,
+    scenario_records,
+    settings_record,
+    single_world,
+)
 
 __all__ = [
-    "STATE_SIZE",
-    "robot_arrays",
-    "scenario_arrays",
-    "settings_array",
+    "robot_records",
+    "scenario_records",
+    "settings_record",
+    "single_world",
 ]

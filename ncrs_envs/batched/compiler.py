@@ -1,8 +1,8 @@
 """How the batched simulator's kernels are compiled: one set of numba options for all of them.
 
 Without ``fastmath`` nothing is reassociated; ``error_model="numpy"`` leaves no exceptions in the
-kernels; ``nogil`` lets callers run them in threads of their own. Each run is computed by one thread
-from its own arrays alone, so results do not depend on the number of threads.
+kernels; ``nogil`` lets callers run them in threads of their own. Each episode is computed by one
+thread from its own arrays alone, so results do not depend on the number of threads.
 
 Compiled kernels are kept on disk. numba itself would notice only changes in a kernel's own file and
 go on using old code when a kernel or a constant in another file has changed; here a kept kernel
@@ -58,3 +58,11 @@ def kernel(function: Function) -> Function:
     compiled = numba.njit(nogil=True, error_model="numpy")(function)
     compiled._cache = _SourceKeyedCache(function)  # what numba's own enable_caching() sets
     return cast(Function, compiled)
+
+
+def inlined(function: Function) -> Function:
+    """Compile a function into the kernels that call it.
+
+    For functions that return tuples of records, which kernels cannot return.
+    """
+    return cast(Function, numba.njit(inline="always")(function))

@@ -10,33 +10,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.batched.dynamics import limit_speeds, move_ball, move_robot, turn_to
-from ncrs_envs.batched.impact import time_of_impact
-from ncrs_envs.batched.impulses import correct_positions, solve_velocities
-from ncrs_envs.batched.layout import (
-    QUAD_LOW_Y,
-    QUAD_SIZE,
-    ROBOT_RADIUS,
-    SCENARIO_HEADER,
-    SCENARIO_QUADS,
-    SCENARIO_SEEN_X,
-    SCENARIO_SEEN_Y,
-    SETTING_HAS_BALL,
-    STATE_ANGLE,
-    STATE_BALL_X,
-    STATE_BALL_Y,
-    STATE_CLEARANCE,
-    STATE_MEMORY,
-    STATE_TOUCHED,
-    STATE_VX,
-    STATE_VY,
-    STATE_X,
-    STATE_Y,
-)
+from ncrs_envs.batched.impact import Pose, time_of_impact
+from ncrs_envs.batched.impulses import Correction, correct_positions, solve_velocities
+from ncrs_envs.batched.layout import Quad, State, World
 from ncrs_envs.batched.manifolds import (
     LINEAR_SLOP,
     SKIN,
@@ -47,124 +25,95 @@ from ncrs_envs.batched.manifolds import (
 )
 from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, MAX_TRANSLATION
 
-# Overlap correction: part of an overlap removed at a time, sweeps, and overlap of skins left over.
-_STEP_SHARE = 0.2
-_STEP_SWEEPS = 60
-_STEP_TOLERATED = 3.0 * LINEAR_SLOP
-_IMPACT_SHARE = 0.75
-_IMPACT_SWEEPS = 20
-_IMPACT_TOLERATED = 1.5 * LINEAR_SLOP
+_AFTER_MOVE = Correction(share=0.2, sweeps=60, tolerated=3.0 * LINEAR_SLOP)
+_AT_IMPACT = Correction(share=0.75, sweeps=20, tolerated=1.5 * LINEAR_SLOP)
 _MAX_IMPACTS = 8
 """Impacts solved in one step; at one more the robot stays where it is until the next step."""
 
 
 @kernel
-def _clearance(
-    robot: NDArray[np.float64], scenario: NDArray[np.float64], state: NDArray[np.float64]
-) -> float:
+def _clearance(world: World, state: State) -> float:
     """A lower bound on how far the robot can move before it touches the light or a wall."""
-    x = state[STATE_X]
-    y = state[STATE_Y]
-    from_x = scenario[SCENARIO_SEEN_X] - x
-    from_y = scenario[SCENARIO_SEEN_Y] - y
-    least = math.sqrt(from_x * from_x + from_y * from_y) - LIGHT_RADIUS
-    for i in range(int(scenario[SCENARIO_QUADS])):
-        quad = SCENARIO_HEADER + QUAD_SIZE * i
-        if scenario[quad + QUAD_LOW_Y] - y > least:
+    x = state.x
+    y = state.y
+    from_x = world.scenario.goal_x - x
+    from_y = world.scenario.goal_y - y
+    nearest = math.sqrt(from_x * from_x + from_y * from_y) - LIGHT_RADIUS
+    for i in range(world.scenario.quad_count):
+        quad: Quad = world.quads[i]
+        if quad.low_y - y > nearest:
             break
-        least = min(least, distance_from_quad(scenario, quad, x, y))
-    return float(least - robot[ROBOT_RADIUS] - 2.0 * SKIN)
+        nearest = min(nearest, distance_from_quad(quad, x, y))
+    return nearest - world.robot.radius - 2.0 * SKIN
 
 
 @kernel
-def _is_free(
-    settings: NDArray[np.float64],
-    robot: NDArray[np.float64],
-    scenario: NDArray[np.float64],
-    state: NDArray[np.float64],
-) -> bool:
+def _is_free(world: World, state: State) -> bool:
     """Whether the robot touches nothing and, at its present velocity, cannot in this step."""
-    if settings[SETTING_HAS_BALL] != 0.0:
-        reach = robot[ROBOT_RADIUS] + BALL_RADIUS + SKIN
-        x = state[STATE_BALL_X] - state[STATE_X]
-        y = state[STATE_BALL_Y] - state[STATE_Y]
-        return bool(x * x + y * y > reach * reach)
-    squared = state[STATE_VX] * state[STATE_VX] + state[STATE_VY] * state[STATE_VY]
+    if world.settings.has_ball:
+        reach = world.robot.radius + BALL_RADIUS + SKIN
+        x = state.ball_x - state.x
+        y = state.ball_y - state.y
+        return x * x + y * y > reach * reach
+    squared = state.vx * state.vx + state.vy * state.vy
     travel = min(DT * math.sqrt(squared), MAX_TRANSLATION)
-    if state[STATE_CLEARANCE] <= travel:
-        state[STATE_CLEARANCE] = _clearance(robot, scenario, state)
-    is_free = state[STATE_CLEARANCE] > travel
-    state[STATE_CLEARANCE] -= travel
-    return bool(is_free)
+    if state.clearance <= travel:
+        state.clearance = _clearance(world, state)
+    is_free = state.clearance > travel
+    state.clearance -= travel
+    return is_free
 
 
 @kernel
-def move_with_contacts(
-    settings: NDArray[np.float64],
-    robot: NDArray[np.float64],
-    cells: NDArray[np.int32],
-    scenario: NDArray[np.float64],
-    state: NDArray[np.float64],
-    scratch: NDArray[np.float64],
-) -> None:
+def move_with_contacts(world: World, state: State) -> None:
     """Move robot and ball for one step; the velocities already hold the wheels' and the drag's
     part."""
-    has_ball = settings[SETTING_HAS_BALL] != 0.0
-    state[STATE_TOUCHED] = 0.0
-    if _is_free(settings, robot, scenario, state):
-        state[STATE_MEMORY] = 0.0
+    has_ball = world.settings.has_ball
+    state.touched = False
+    if _is_free(world, state):
+        state.memory_count = 0
         limit_speeds(state)
         move_robot(state, DT)
         if has_ball:
             move_ball(state)
         return
-    state[STATE_CLEARANCE] = 0.0
-    robot_from = (state[STATE_X], state[STATE_Y], state[STATE_ANGLE])
-    near = near_quads(robot, scenario, state)
-    count = find_contacts(settings, robot, cells, scenario, near, state, scratch)
+    state.clearance = 0.0
+    start = Pose(state.x, state.y, state.angle)
+    near = near_quads(world, state)
+    count = find_contacts(world, near, state)
+    contacts = world.contacts[:count]
     if count > 0:
-        state[STATE_TOUCHED] = 1.0
-        solve_velocities(robot, state, scratch, count, True)
-    keep_impulses(state, scratch, count)
+        state.touched = True
+        solve_velocities(world.robot, state, contacts, True)
+    keep_impulses(state, contacts)
     limit_speeds(state)
     move_robot(state, DT)
     if has_ball:
         move_ball(state)
     if count > 0:
-        correct_positions(robot, state, scratch, count, _STEP_SHARE, _STEP_SWEEPS, _STEP_TOLERATED)
+        correct_positions(world.robot, state, contacts, _AFTER_MOVE)
     if not has_ball:
-        _stop_at_impacts(settings, robot, cells, scenario, near, state, scratch, robot_from)
+        _stop_at_impacts(world, near, state, start)
 
 
 @kernel
-def _stop_at_impacts(
-    settings: NDArray[np.float64],
-    robot: NDArray[np.float64],
-    cells: NDArray[np.int32],
-    scenario: NDArray[np.float64],
-    near: tuple[int, int],
-    state: NDArray[np.float64],
-    scratch: NDArray[np.float64],
-    robot_from: tuple[float, float, float],
-) -> None:
-    """Cut the robot's move from ``robot_from`` where it meets something static, and go on."""
+def _stop_at_impacts(world: World, near: tuple[int, int], state: State, start: Pose) -> None:
+    """Cut the robot's move from ``start`` where it meets something static, and continue."""
     left = 1.0
     for impact in range(_MAX_IMPACTS + 1):
         last = impact == _MAX_IMPACTS
-        time = time_of_impact(robot, cells, scenario, near, state, robot_from, scratch, last)
+        time = time_of_impact(world, near, start, state, last)
         if time >= 1.0:
             return
-        state[STATE_X] = robot_from[0] + time * (state[STATE_X] - robot_from[0])
-        state[STATE_Y] = robot_from[1] + time * (state[STATE_Y] - robot_from[1])
-        turn_to(state, robot_from[2] + time * (state[STATE_ANGLE] - robot_from[2]))
+        state.x = start.x + time * (state.x - start.x)
+        state.y = start.y + time * (state.y - start.y)
+        turn_to(state, start.angle + time * (state.angle - start.angle))
         left *= 1.0 - time
-        count = find_contacts(settings, robot, cells, scenario, near, state, scratch)
-        state[STATE_TOUCHED] = 1.0
-        correct_positions(
-            robot, state, scratch, count, _IMPACT_SHARE, _IMPACT_SWEEPS, _IMPACT_TOLERATED
-        )
-        solve_velocities(robot, state, scratch, count, False)
+        contacts = world.contacts[: find_contacts(world, near, state)]
+        state.touched = True
+        correct_positions(world.robot, state, contacts, _AT_IMPACT)
+        solve_velocities(world.robot, state, contacts, False)
         if last:
             return
-        robot_from = (state[STATE_X], state[STATE_Y], state[STATE_ANGLE])
+        start = Pose(state.x, state.y, state.angle)
         move_robot(state, left * DT)

@@ -8,12 +8,12 @@ of the shapes' cores, without skins; they are negative in overlap.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.compiler import kernel
-from ncrs_envs.batched.layout import QUAD_CORNERS, QUAD_EDGES, QUAD_POINTS
+from ncrs_envs.batched.layout import Edge, Point, Quad
 from ncrs_envs.body import CELL_SIZE
 
 HALF_CELL = 0.5 * CELL_SIZE
@@ -23,48 +23,34 @@ Separation = tuple[float, float, float, int]
 """Signed distance, unit normal from the quad or circle towards the cell, and the face's index."""
 
 
-@kernel
-def quad_to_cell_frame(
-    scenario: NDArray[np.float64],
-    quad: int,
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    points: NDArray[np.float64],
-) -> int:
-    """Write a quad's corners relative to a cell into ``points`` and return their number.
+class Frame(NamedTuple):
+    """A cell's frame: its centre in the world, and cosine and sine of the robot's angle."""
 
-    Args:
-        scenario: the scenario's record.
-        quad: where the quad's record begins in it.
-        x: the cell's centre, world frame; ``y`` likewise.
-        y: see ``x``.
-        cos: cosine of the robot's angle.
-        sin: its sine.
-        points: output, at least 8 numbers: x and y of each corner.
-    """
-    corners = int(scenario[quad + QUAD_CORNERS])
-    for corner in range(corners):
-        from_x = scenario[quad + QUAD_POINTS + 2 * corner] - x
-        from_y = scenario[quad + QUAD_POINTS + 2 * corner + 1] - y
-        points[2 * corner] = cos * from_x + sin * from_y
-        points[2 * corner + 1] = cos * from_y - sin * from_x
-    return corners
+    x: float
+    y: float
+    cos: float
+    sin: float
 
 
 @kernel
-def edge_of_quad(
-    points: NDArray[np.float64], corners: int, edge: int
-) -> tuple[float, float, float, float]:
+def quad_to_cell_frame(quad: Quad, frame: Frame, points: NDArray[Point]) -> int:
+    """Write a quad's corners relative to a cell into ``points`` and return their number."""
+    for i in range(quad.corner_count):
+        corner: Point = quad.corners[i]
+        from_x = corner.x - frame.x
+        from_y = corner.y - frame.y
+        point: Point = points[i]
+        point.x = frame.cos * from_x + frame.sin * from_y
+        point.y = frame.cos * from_y - frame.sin * from_x
+    return quad.corner_count
+
+
+@kernel
+def edge_of_quad(points: NDArray[Point], edge: int) -> tuple[float, float, float, float]:
     """Both ends of an edge: ``(x, y)`` of its first and of its second corner."""
-    following = edge + 1 if edge + 1 < corners else 0
-    return (
-        points[2 * edge],
-        points[2 * edge + 1],
-        points[2 * following],
-        points[2 * following + 1],
-    )
+    begin: Point = points[edge]
+    end: Point = points[edge + 1 if edge + 1 < len(points) else 0]
+    return begin.x, begin.y, end.x, end.y
 
 
 @kernel
@@ -80,41 +66,39 @@ def face_of_cell(face: int) -> tuple[float, float]:
 
 
 @kernel
-def separation_along_quad(
-    scenario: NDArray[np.float64], quad: int, x: float, y: float, cos: float, sin: float
-) -> Separation:
-    """The largest separation along a normal of the quad's edges; arguments as above."""
+def separation_along_quad(quad: Quad, frame: Frame) -> Separation:
+    """The largest separation of a cell along a normal of the quad's edges."""
     best = -math.inf
     best_x = 0.0
     best_y = 0.0
     best_edge = 0
-    for corner in range(int(scenario[quad + QUAD_CORNERS])):
-        edge = quad + QUAD_EDGES + 3 * corner
-        n_x = scenario[edge]
-        n_y = scenario[edge + 1]
-        if n_x == 0.0 and n_y == 0.0:
+    for i in range(quad.corner_count):
+        edge: Edge = quad.edges[i]
+        if edge.n_x == 0.0 and edge.n_y == 0.0:
             continue
-        own_x = cos * n_x + sin * n_y
-        own_y = cos * n_y - sin * n_x
-        distance = n_x * x + n_y * y - scenario[edge + 2] - HALF_CELL * (abs(own_x) + abs(own_y))
+        own_x = frame.cos * edge.n_x + frame.sin * edge.n_y
+        own_y = frame.cos * edge.n_y - frame.sin * edge.n_x
+        reach = HALF_CELL * (abs(own_x) + abs(own_y))
+        distance = edge.n_x * frame.x + edge.n_y * frame.y - edge.offset - reach
         if distance > best:
             best = distance
             best_x = own_x
             best_y = own_y
-            best_edge = corner
+            best_edge = i
     return best, best_x, best_y, best_edge
 
 
 @kernel
-def separation_along_cell(points: NDArray[np.float64], corners: int) -> Separation:
+def separation_along_cell(points: NDArray[Point]) -> Separation:
     """The largest separation along a normal of the cell's faces."""
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
-    for corner in range(corners):
-        low_x = min(low_x, points[2 * corner])
-        high_x = max(high_x, points[2 * corner])
-        low_y = min(low_y, points[2 * corner + 1])
-        high_y = max(high_y, points[2 * corner + 1])
+    for i in range(len(points)):
+        point: Point = points[i]
+        low_x = min(low_x, point.x)
+        high_x = max(high_x, point.x)
+        low_y = min(low_y, point.y)
+        high_y = max(high_y, point.y)
     best = low_x
     face = 0
     if low_y > best:

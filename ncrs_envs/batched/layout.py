@@ -1,123 +1,270 @@
-"""Where each quantity lies in the flat arrays that the kernels read and write.
+"""The records that the kernels read and write, each declared once.
 
-Kernels take float64 and int32 vectors rather than objects, so that they compile for other targets
-too. All lengths are in units, times in seconds, angles in radians; world frame unless said.
+All lengths are in units, times in seconds, angles in radians; world frame unless said. What varies
+in length (a robot's wheels, a scenario's walls) lies in arrays beside the record that says how many
+of their items are used, so that one compiled kernel serves all grid sizes.
 """
 
 from __future__ import annotations
 
-# Settings of a task: float64, shape (SETTINGS_SIZE,). The same for all robots of a call.
-SETTING_EXTENT = 0
-"""Half the playfield's side, P."""
-SETTING_INVERSE_SQUARE = 1
-"""1 for the inverse-square distance score, 0 for the exponential one."""
-SETTING_SUCCESS_RADIUS = 2
-SETTING_HAS_BALL = 3
-SETTINGS_SIZE = 4
+from typing import Annotated, NamedTuple
 
-# State of one run: float64, shape (STATE_SIZE,).
-STATE_X = 0
-"""Centre of mass, not the grid's centre."""
-STATE_Y = 1
-STATE_ANGLE = 2
-STATE_VX = 3
-STATE_VY = 4
-STATE_OMEGA = 5
-STATE_COS = 6
-"""Cosine and sine of the angle, which sensing and the next step both need."""
-STATE_SIN = 7
-STATE_BALL_X = 8
-STATE_BALL_Y = 9
-STATE_BALL_VX = 10
-STATE_BALL_VY = 11
-STATE_BALL_OMEGA = 12
-STATE_SUCCESS = 13
-"""1 as soon as the episode has succeeded."""
-STATE_CROSSED = 14
-"""1 as soon as the grid's centre has been above y = 0."""
-STATE_TOUCHED = 15
-"""1 if the robot touched the light, the ball or a wall in the last step."""
-STATE_CLEARANCE = 16
-"""How far the robot can move at least before it can touch the light or a wall."""
-STATE_CLOSEST = 17
-"""Least distance yet from the robot to the light or ball; then from the ball to the target."""
-STATE_MEMORY = 19
-"""Number of contact points whose impulses are kept for the next step."""
-STATE_MEMORIES = 20
-"""One record of MEMORY_SIZE for each of at most MEMORIES contact points."""
-MEMORIES = 16
-MEMORY_KEY = 0
-"""Which cell touches what with which feature."""
-MEMORY_NORMAL = 1
-"""Normal impulse."""
-MEMORY_TANGENT = 2
-"""Friction impulse."""
-MEMORY_SIZE = 3
-STATE_SIZE = STATE_MEMORIES + MEMORIES * MEMORY_SIZE
+import numpy as np
+from numpy.typing import NDArray
 
-# Constants of one robot, float64, shape (robot_size(n),): a header, then rows of n * n places, of
-# which the first so many are used: per wheel 3 (twist change per unit of gas), per sensor 2
-# (position), per exposed cell 2 (centre's position). Positions are in the body frame relative to
-# the centre of mass.
-ROBOT_INVERSE_MASS = 0
-ROBOT_INVERSE_INERTIA = 1
-ROBOT_CENTER_X = 2
-"""Centre of mass relative to the grid's centre, body frame."""
-ROBOT_CENTER_Y = 3
-ROBOT_RADIUS = 4
-"""Radius about the centre of mass that holds every cell."""
-ROBOT_DAMPING = 5
-"""3 x 3, row by row: twist change per unit of twist in one step, body frame."""
-ROBOT_HEADER = 14
+from ncrs_envs.batched.dtypes import Record, records
 
-# Indices of one robot, int32, shape (cells_size(n),): a header, then the flat grid index of each
-# wheel (n * n places), of each sensor (n * n places), and whether each sensor senses the target
-# (n * n places).
-CELLS_GRID_SIZE = 0
-CELLS_WHEELS = 1
-"""Number of wheels; likewise below."""
-CELLS_SENSORS = 2
-CELLS_EXPOSED = 3
-CELLS_HEADER = 4
-
-# Scenario of one run, float64, shape (scenario_size(quads),): a header, then one record per wall
-# quad, in order of increasing lower edge.
-SCENARIO_START_X = 0
-SCENARIO_START_Y = 1
-SCENARIO_SEEN_X = 2
-"""The light, or the ball's start."""
-SCENARIO_SEEN_Y = 3
-SCENARIO_TARGET_X = 4
-"""NaN in tasks without a target."""
-SCENARIO_TARGET_Y = 5
-SCENARIO_QUADS = 6
-"""Number of wall quads."""
-SCENARIO_HEADER = 7
-
-QUAD_LOW_Y = 0
-QUAD_HIGH_Y = 1
-QUAD_LOW_X = 2
-QUAD_HIGH_X = 3
-QUAD_CORNERS = 4
-"""Number of corners of the convex hull, 3 or 4."""
-QUAD_POINTS = 5
-"""x and y of each corner, counter-clockwise."""
-QUAD_EDGES = 13
-"""Of the edge from each corner to the next: its outward unit normal, and that times a point on it
-(3 numbers an edge; the normal is zero where two corners coincide)."""
-QUAD_SIZE = 25
+MAX_MEMORIES = 16
+"""Contact points whose impulses are kept from one step to the next."""
+MAX_CORNERS = 4
+_CONTACTS_PER_SIDE = 16
+"""Room for two points at each of a face's cells on four sides, twice over, since a cell can touch
+two pieces of wall; times the grid's side."""
 
 
-def robot_size(grid_size: int) -> int:
-    """Length of a robot's float64 record."""
-    return ROBOT_HEADER + 7 * grid_size * grid_size
+class Settings(Record):
+    """Settings of a task, the same for all robots of a call."""
+
+    extent: float
+    """Half the playfield's side, P."""
+    success_radius: float
+    inverse_square: bool
+    """Inverse-square distance score instead of the exponential one."""
+    has_ball: bool
 
 
-def cells_size(grid_size: int) -> int:
-    """Length of a robot's int32 record."""
-    return CELLS_HEADER + 3 * grid_size * grid_size
+class Point(Record):
+    """A position."""
+
+    x: float
+    y: float
 
 
-def scenario_size(quads: int) -> int:
-    """Length of a scenario's record with room for that many wall quads."""
-    return SCENARIO_HEADER + QUAD_SIZE * quads
+class Memory(Record):
+    """The impulses of one contact point in the step before."""
+
+    key: int
+    """See ``Contact.key``."""
+    normal_impulse: float
+    tangent_impulse: float
+
+
+class State(Record):
+    """State of one episode."""
+
+    x: float
+    """Centre of mass, not the grid's centre."""
+    y: float
+    angle: float
+    vx: float
+    vy: float
+    omega: float
+    cos: float
+    """Cosine and sine of the angle, which sensing and the next step both need."""
+    sin: float
+    ball_x: float
+    ball_y: float
+    ball_vx: float
+    ball_vy: float
+    ball_omega: float
+    clearance: float
+    """Distance that the robot can move at least before it can touch the light or a wall."""
+    closest_goal: float
+    """Minimum distance yet from the robot to the light or ball."""
+    closest_target: float
+    """Minimum distance yet from the ball to the target; 0 in tasks without a ball."""
+    success: bool
+    """Whether the episode has ever succeeded."""
+    crossed: bool
+    """Whether the grid's centre has ever been above y = 0."""
+    touched: bool
+    """Whether the robot touched the light, the ball or a wall in the last step."""
+    memory_count: int
+    memories: Annotated[NDArray[Memory], MAX_MEMORIES]
+
+
+class Robot(Record):
+    """Constants of one robot; positions in the body frame relative to the centre of mass."""
+
+    inverse_mass: float
+    inverse_inertia: float
+    center_x: float
+    """Centre of mass relative to the grid's centre, body frame."""
+    center_y: float
+    radius: float
+    """Radius about the centre of mass that holds every cell."""
+    damping: Annotated[NDArray[np.float64], (3, 3)]
+    """Twist change per unit of twist in one step, body frame."""
+    wheel_count: int
+    sensor_count: int
+    exposed_count: int
+    """Number of cells with a free side."""
+
+
+class Wheel(Record):
+    """One wheel: its cell, and the twist change per unit of gas in one step, body frame."""
+
+    place: int
+    """Flat grid index."""
+    vx: float
+    vy: float
+    omega: float
+
+
+class Sensor(Record):
+    """One sensor: its cell and its position, as in ``Robot``."""
+
+    place: int
+    """Flat grid index."""
+    senses_target: bool
+    x: float
+    y: float
+
+
+class Robots(NamedTuple):
+    """Many robots on grids of n x n cells, the first axis of every array."""
+
+    robots: NDArray[Robot]
+    wheels: NDArray[Wheel]
+    """``(robots, n * n)``, as are the arrays below."""
+    sensors: NDArray[Sensor]
+    exposed: NDArray[Point]
+    """Centres of the exposed cells."""
+
+
+class Edge(Record):
+    """An edge of a quad: its outward unit normal, and that times a point on the edge.
+
+    The normal is zero where the edge's two corners coincide.
+    """
+
+    n_x: float
+    n_y: float
+    offset: float
+
+
+class Quad(Record):
+    """The convex hull of a piece of wall, with its bounding box."""
+
+    low_x: float
+    high_x: float
+    low_y: float
+    high_y: float
+    corner_count: int
+    """3 or 4."""
+    corners: Annotated[NDArray[Point], MAX_CORNERS]
+    """Counter-clockwise."""
+    edges: Annotated[NDArray[Edge], MAX_CORNERS]
+    """From each corner to the next."""
+
+
+class Scenario(Record):
+    """Placements of one episode."""
+
+    start_x: float
+    start_y: float
+    goal_x: float
+    """The light, or the ball's start."""
+    goal_y: float
+    target_x: float
+    """NaN in tasks without a target."""
+    target_y: float
+    quad_count: int
+
+
+class Scenarios(NamedTuple):
+    """Many scenarios, the first axis of both arrays."""
+
+    scenarios: NDArray[Scenario]
+    quads: NDArray[Quad]
+    """``(scenarios, capacity)``, each row in order of increasing lower edge."""
+
+
+class Contact(Record):
+    """A contact point.
+
+    The reference face and the point belong to different things; "own" is the frame of the robot
+    about its centre of mass. The second half is the impulse solver's.
+    """
+
+    kind: int
+    """``manifolds.FACE_OF_WALL``, ``FACE_OF_ROBOT`` or ``FACE_TO_BALL``."""
+    key: int
+    """Which cell touches what with which feature; features are numbered in ``manifolds``."""
+    face_nx: float
+    """Normal of the reference face, outward: world frame for a wall's, own frame for a cell's."""
+    face_ny: float
+    face_x: float
+    """A point on the reference face, in the same frame."""
+    face_y: float
+    point_x: float
+    """The point of the other shape: own frame for a wall's face, world frame for a cell's."""
+    point_y: float
+    radii: float
+    """Skins or radius that keep the point away from the face."""
+    face_radius: float
+    """That part of the radii that belongs to the face's shape."""
+    normal_x: float
+    """Normal in the world frame at the start of the solve, towards the robot."""
+    normal_y: float
+    arm_x: float
+    """From the centre of mass to the point, world frame, at the start of the solve."""
+    arm_y: float
+    ball_arm_x: float
+    ball_arm_y: float
+    normal_mass: float
+    tangent_mass: float
+    normal_impulse: float
+    tangent_impulse: float
+
+
+class Scratch(NamedTuple):
+    """Room for the contact solver; contents are meaningless between steps."""
+
+    contacts: NDArray[Contact]
+    corners: NDArray[Point]
+    """Corners of one quad relative to a cell."""
+
+
+class World(NamedTuple):
+    """All that one episode's steps read, with the room that they need."""
+
+    settings: Settings
+    robot: Robot
+    wheels: NDArray[Wheel]
+    sensors: NDArray[Sensor]
+    exposed: NDArray[Point]
+    scenario: Scenario
+    quads: NDArray[Quad]
+    contacts: NDArray[Contact]
+    corners: NDArray[Point]
+
+
+class Worlds(NamedTuple):
+    """What the worlds of many episodes are made of; see ``simulate.make_world``."""
+
+    settings: Settings
+    robots: Robots
+    scenarios: Scenarios
+    scratch: Scratch
+
+
+def make_robots(count: int, grid_size: int) -> Robots:
+    """Blank records of many robots."""
+    places = grid_size * grid_size
+    return Robots(
+        records(Robot, count),
+        records(Wheel, count, places),
+        records(Sensor, count, places),
+        records(Point, count, places),
+    )
+
+
+def make_scenarios(count: int, quads: int) -> Scenarios:
+    """Blank records of many scenarios with room for so many quads each."""
+    return Scenarios(records(Scenario, count), records(Quad, count, quads))
+
+
+def make_scratch(grid_size: int) -> Scratch:
+    """Room for the contacts of a robot of that grid size; threads must not share it."""
+    return Scratch(records(Contact, _CONTACTS_PER_SIDE * grid_size), records(Point, MAX_CORNERS))

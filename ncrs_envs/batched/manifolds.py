@@ -7,13 +7,15 @@ their cores stay apart.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
+
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.batched.geometry import (
     CELL_FACES,
     HALF_CELL,
+    Frame,
     edge_of_quad,
     face_of_cell,
     quad_to_cell_frame,
@@ -21,37 +23,7 @@ from ncrs_envs.batched.geometry import (
     separation_along_quad,
     separation_from_point,
 )
-from ncrs_envs.batched.layout import (
-    CELLS_EXPOSED,
-    CELLS_GRID_SIZE,
-    MEMORIES,
-    MEMORY_KEY,
-    MEMORY_NORMAL,
-    MEMORY_SIZE,
-    MEMORY_TANGENT,
-    QUAD_CORNERS,
-    QUAD_EDGES,
-    QUAD_HIGH_X,
-    QUAD_HIGH_Y,
-    QUAD_LOW_X,
-    QUAD_LOW_Y,
-    QUAD_SIZE,
-    ROBOT_HEADER,
-    ROBOT_RADIUS,
-    SCENARIO_HEADER,
-    SCENARIO_QUADS,
-    SCENARIO_SEEN_X,
-    SCENARIO_SEEN_Y,
-    SETTING_HAS_BALL,
-    STATE_BALL_X,
-    STATE_BALL_Y,
-    STATE_COS,
-    STATE_MEMORIES,
-    STATE_MEMORY,
-    STATE_SIN,
-    STATE_X,
-    STATE_Y,
-)
+from ncrs_envs.batched.layout import MAX_MEMORIES, Contact, Edge, Memory, Point, Quad, State, World
 from ncrs_envs.physics import BALL_RADIUS, LIGHT_RADIUS, MAX_TRANSLATION
 
 LINEAR_SLOP = 0.005
@@ -62,245 +34,168 @@ SKIN = 2.0 * LINEAR_SLOP
 _FACE_PREFERENCE = 0.1 * LINEAR_SLOP
 _HALF_DIAGONAL = HALF_CELL * 2.0**0.5
 
-# A contact point in the scratch array. The reference face and the point belong to different
-# things; "own" is the frame of the robot about its centre of mass.
-KIND = 0
-"""FACE_OF_WALL, FACE_OF_ROBOT or FACE_TO_BALL."""
-FACE_NX = 1
-"""Normal of the reference face, outward: world frame for a wall's, own frame for a cell's."""
-FACE_NY = 2
-FACE_X = 3
-"""A point on the reference face, in the same frame."""
-FACE_Y = 4
-POINT_X = 5
-"""The point of the other shape: own frame for a wall's face, world frame for a cell's."""
-POINT_Y = 6
-RADII = 7
-"""Skins or radius that keep the point away from the face."""
-FACE_RADIUS = 8
-"""That part of the radii that belongs to the face's shape."""
-NORMAL_X = 9
-"""Normal in the world frame at the start of the solve, towards the robot."""
-NORMAL_Y = 10
-ARM_X = 11
-"""From the centre of mass to the point, world frame, at the start of the solve."""
-ARM_Y = 12
-BALL_ARM_X = 13
-BALL_ARM_Y = 14
-NORMAL_MASS = 15
-TANGENT_MASS = 16
-NORMAL_IMPULSE = 17
-TANGENT_IMPULSE = 18
-KEY = 19
-"""Which cell touches what with which feature; features are numbered in ``_touch_quad``."""
-CONTACT_SIZE = 20
+FACE_OF_WALL = 0
+FACE_OF_ROBOT = 1
+FACE_TO_BALL = 2
 
-FACE_OF_WALL = 0.0
-FACE_OF_ROBOT = 1.0
-FACE_TO_BALL = 2.0
-
-FEATURES = 64
+_FEATURES = 64
 """Number of ways in which a cell and a quad can touch: pairs of edges and corners."""
-FIRST_CONTACT = 8
-"""The scratch array begins with room for the corners of one quad."""
 
 
-def scratch_size(grid_size: int) -> int:
-    """Length of the scratch array: room for two points at each of a face's cells on four sides,
-    twice over, since a cell can touch two pieces of wall."""
-    return FIRST_CONTACT + CONTACT_SIZE * 16 * grid_size
+class _Circle(NamedTuple):
+    """The light or the ball, and the kind of its contacts."""
 
-
-@kernel
-def contact_at(index: int) -> int:
-    """Where contact point ``index`` begins in the scratch array."""
-    return FIRST_CONTACT + CONTACT_SIZE * index
-
-
-@kernel
-def _has_room(scratch: NDArray[np.float64], count: int) -> bool:
-    return bool(contact_at(count + 1) <= scratch.shape[0])
+    kind: int
+    x: float
+    y: float
+    own_x: float
+    """Centre in the robot's own frame."""
+    own_y: float
+    radius: float
 
 
 @kernel
-def distance_from_quad(scenario: NDArray[np.float64], quad: int, x: float, y: float) -> float:
+def distance_from_quad(quad: Quad, x: float, y: float) -> float:
     """A lower bound on the distance of a point from a quad, from the sides of the quad and of its
     bounding box; negative inside."""
-    most = max(
-        max(scenario[quad + QUAD_LOW_Y] - y, y - scenario[quad + QUAD_HIGH_Y]),
-        max(scenario[quad + QUAD_LOW_X] - x, x - scenario[quad + QUAD_HIGH_X]),
-    )
-    for corner in range(int(scenario[quad + QUAD_CORNERS])):
-        edge = quad + QUAD_EDGES + 3 * corner
-        outward = scenario[edge] * x + scenario[edge + 1] * y - scenario[edge + 2]
-        if scenario[edge] != 0.0 or scenario[edge + 1] != 0.0:
-            most = max(most, outward)
-    return float(most)
+    most = max(max(quad.low_y - y, y - quad.high_y), max(quad.low_x - x, x - quad.high_x))
+    for i in range(quad.corner_count):
+        edge: Edge = quad.edges[i]
+        if edge.n_x != 0.0 or edge.n_y != 0.0:
+            most = max(most, edge.n_x * x + edge.n_y * y - edge.offset)
+    return most
 
 
 @kernel
-def near_quads(
-    robot: NDArray[np.float64], scenario: NDArray[np.float64], state: NDArray[np.float64]
-) -> tuple[int, int]:
+def near_quads(world: World, state: State) -> tuple[int, int]:
     """First index and end of the quads that the robot can touch in this step, however it moves."""
-    reach = robot[ROBOT_RADIUS] + 2.0 * MAX_TRANSLATION
-    quads = int(scenario[SCENARIO_QUADS])
-    first = quads
+    reach = world.robot.radius + 2.0 * MAX_TRANSLATION
+    first = world.scenario.quad_count
     end = 0
-    for i in range(quads):
-        quad = SCENARIO_HEADER + QUAD_SIZE * i
-        if scenario[quad + QUAD_LOW_Y] > state[STATE_Y] + reach:
+    for i in range(world.scenario.quad_count):
+        quad: Quad = world.quads[i]
+        if quad.low_y > state.y + reach:
             break
-        if distance_from_quad(scenario, quad, state[STATE_X], state[STATE_Y]) <= reach:
+        if distance_from_quad(quad, state.x, state.y) <= reach:
             first = min(first, i)
             end = i + 1
     return first, end
 
 
 @kernel
-def find_contacts(
-    settings: NDArray[np.float64],
-    robot: NDArray[np.float64],
-    cells: NDArray[np.int32],
-    scenario: NDArray[np.float64],
-    near: tuple[int, int],
-    state: NDArray[np.float64],
-    scratch: NDArray[np.float64],
-) -> int:
-    """Write the contact points of the current poses into ``scratch`` and return their number.
+def find_contacts(world: World, near: tuple[int, int], state: State) -> int:
+    """Write the contact points of the current poses into the world's room for them.
 
     Args:
-        settings: the task's settings.
-        robot: the robot's record.
-        cells: the robot's indices.
-        scenario: the run's scenario.
+        world: the episode's world.
         near: which quads to look at, from ``near_quads``.
-        state: the run's state.
-        scratch: output.
+        state: the episode's state.
+
+    Returns:
+        Number of contact points.
     """
-    has_ball = settings[SETTING_HAS_BALL] != 0.0
-    circle_x = state[STATE_BALL_X] if has_ball else scenario[SCENARIO_SEEN_X]
-    circle_y = state[STATE_BALL_Y] if has_ball else scenario[SCENARIO_SEEN_Y]
-    radius = BALL_RADIUS if has_ball else LIGHT_RADIUS
-    kind = FACE_TO_BALL if has_ball else FACE_OF_ROBOT
-    cos = state[STATE_COS]
-    sin = state[STATE_SIN]
-    places = cells[CELLS_GRID_SIZE] * cells[CELLS_GRID_SIZE]
-    start = ROBOT_HEADER + 5 * places
-    exposed = cells[CELLS_EXPOSED]
+    cos = state.cos
+    sin = state.sin
+    exposed = world.robot.exposed_count
     count = 0
-    reach = robot[ROBOT_RADIUS] + radius + SKIN
-    from_x = circle_x - state[STATE_X]
-    from_y = circle_y - state[STATE_Y]
+    circle = _circle(world, state)
+    reach = world.robot.radius + circle.radius + SKIN
+    from_x = circle.x - state.x
+    from_y = circle.y - state.y
     if from_x * from_x + from_y * from_y <= reach * reach:
-        own_x = cos * from_x + sin * from_y
-        own_y = cos * from_y - sin * from_x
-        for cell in range(exposed):
+        for i in range(exposed):
             before = count
-            cell_x = robot[start + 2 * cell]
-            cell_y = robot[start + 2 * cell + 1]
-            count = _touch_circle(
-                scratch, count, kind, cell_x, cell_y, own_x, own_y, circle_x, circle_y, radius
-            )
+            count = _touch_circle(world.contacts, count, circle, world.exposed[i])
             if count > before:
-                scratch[contact_at(before) + KEY] = FEATURES * cell
-    reach = robot[ROBOT_RADIUS] + 2.0 * SKIN
-    for i in range(near[0], near[1]):
-        quad = SCENARIO_HEADER + QUAD_SIZE * i
-        if distance_from_quad(scenario, quad, state[STATE_X], state[STATE_Y]) > reach:
+                world.contacts[before].key = _FEATURES * i
+    reach = world.robot.radius + 2.0 * SKIN
+    for thing in range(near[0], near[1]):
+        quad: Quad = world.quads[thing]
+        if distance_from_quad(quad, state.x, state.y) > reach:
             continue
-        for cell in range(exposed):
-            cell_x = robot[start + 2 * cell]
-            cell_y = robot[start + 2 * cell + 1]
-            x = state[STATE_X] + cos * cell_x - sin * cell_y
-            y = state[STATE_Y] + sin * cell_x + cos * cell_y
-            if distance_from_quad(scenario, quad, x, y) <= _HALF_DIAGONAL + 2.0 * SKIN:
+        for i in range(exposed):
+            cell: Point = world.exposed[i]
+            x = state.x + cos * cell.x - sin * cell.y
+            y = state.y + sin * cell.x + cos * cell.y
+            if distance_from_quad(quad, x, y) <= _HALF_DIAGONAL + 2.0 * SKIN:
                 before = count
-                count = _touch_quad(scratch, count, scenario, quad, cell_x, cell_y, x, y, cos, sin)
+                count = _touch_quad(world, count, quad, cell, Frame(x, y, cos, sin))
                 for added in range(before, count):
-                    scratch[contact_at(added) + KEY] += FEATURES * ((i + 1) * exposed + cell)
-    _remember(state, scratch, count)
+                    world.contacts[added].key += _FEATURES * ((thing + 1) * exposed + i)
+    _remember(state, world.contacts[:count])
     return count
 
 
 @kernel
-def _remember(state: NDArray[np.float64], scratch: NDArray[np.float64], count: int) -> None:
+def _circle(world: World, state: State) -> _Circle:
+    """The light, or the ball where it is now."""
+    has_ball = world.settings.has_ball
+    x = state.ball_x if has_ball else world.scenario.goal_x
+    y = state.ball_y if has_ball else world.scenario.goal_y
+    from_x = x - state.x
+    from_y = y - state.y
+    own_x = state.cos * from_x + state.sin * from_y
+    own_y = state.cos * from_y - state.sin * from_x
+    kind = FACE_TO_BALL if has_ball else FACE_OF_ROBOT
+    return _Circle(kind, x, y, own_x, own_y, BALL_RADIUS if has_ball else LIGHT_RADIUS)
+
+
+@kernel
+def _remember(state: State, contacts: NDArray[Contact]) -> None:
     """Start each contact point with the impulses that it had in the step before, or with 0."""
-    for i in range(count):
-        contact = contact_at(i)
-        scratch[contact + NORMAL_IMPULSE] = 0.0
-        scratch[contact + TANGENT_IMPULSE] = 0.0
-        for j in range(int(state[STATE_MEMORY])):
-            memory = STATE_MEMORIES + MEMORY_SIZE * j
-            if state[memory + MEMORY_KEY] == scratch[contact + KEY]:
-                scratch[contact + NORMAL_IMPULSE] = state[memory + MEMORY_NORMAL]
-                scratch[contact + TANGENT_IMPULSE] = state[memory + MEMORY_TANGENT]
+    for i in range(len(contacts)):
+        contact: Contact = contacts[i]
+        contact.normal_impulse = 0.0
+        contact.tangent_impulse = 0.0
+        for j in range(state.memory_count):
+            memory: Memory = state.memories[j]
+            if memory.key == contact.key:
+                contact.normal_impulse = memory.normal_impulse
+                contact.tangent_impulse = memory.tangent_impulse
 
 
 @kernel
-def keep_impulses(state: NDArray[np.float64], scratch: NDArray[np.float64], count: int) -> None:
-    """Keep the impulses of the contact points in ``scratch`` for the next step."""
-    kept = min(count, MEMORIES)
-    for i in range(kept):
-        contact = contact_at(i)
-        memory = STATE_MEMORIES + MEMORY_SIZE * i
-        state[memory + MEMORY_KEY] = scratch[contact + KEY]
-        state[memory + MEMORY_NORMAL] = scratch[contact + NORMAL_IMPULSE]
-        state[memory + MEMORY_TANGENT] = scratch[contact + TANGENT_IMPULSE]
-    state[STATE_MEMORY] = kept
+def keep_impulses(state: State, contacts: NDArray[Contact]) -> None:
+    """Keep the impulses of contact points for the next step."""
+    state.memory_count = min(len(contacts), MAX_MEMORIES)
+    for i in range(state.memory_count):
+        contact: Contact = contacts[i]
+        memory: Memory = state.memories[i]
+        memory.key = contact.key
+        memory.normal_impulse = contact.normal_impulse
+        memory.tangent_impulse = contact.tangent_impulse
 
 
 @kernel
-def _touch_circle(
-    scratch: NDArray[np.float64],
-    count: int,
-    kind: float,
-    cell_x: float,
-    cell_y: float,
-    own_x: float,
-    own_y: float,
-    world_x: float,
-    world_y: float,
-    radius: float,
-) -> int:
+def _touch_circle(contacts: NDArray[Contact], count: int, circle: _Circle, cell: Point) -> int:
     """Add the contact of a cell with a circle, if any, and return the new number of points."""
-    x = own_x - cell_x
-    y = own_y - cell_y
+    x = circle.own_x - cell.x
+    y = circle.own_y - cell.y
     distance, n_x, n_y = separation_from_point(x, y)
-    if distance > radius + SKIN or not _has_room(scratch, count):
+    if distance > circle.radius + SKIN or count == len(contacts):
         return count
-    contact = contact_at(count)
-    scratch[contact + KIND] = kind
-    scratch[contact + FACE_NX] = -n_x
-    scratch[contact + FACE_NY] = -n_y
-    scratch[contact + FACE_X] = own_x + distance * n_x
-    scratch[contact + FACE_Y] = own_y + distance * n_y
-    scratch[contact + POINT_X] = world_x
-    scratch[contact + POINT_Y] = world_y
-    scratch[contact + RADII] = radius + SKIN
-    scratch[contact + FACE_RADIUS] = SKIN
+    contact: Contact = contacts[count]
+    contact.kind = circle.kind
+    contact.face_nx = -n_x
+    contact.face_ny = -n_y
+    contact.face_x = circle.own_x + distance * n_x
+    contact.face_y = circle.own_y + distance * n_y
+    contact.point_x = circle.x
+    contact.point_y = circle.y
+    contact.radii = circle.radius + SKIN
+    contact.face_radius = SKIN
     return count + 1
 
 
 @kernel
-def _touch_quad(
-    scratch: NDArray[np.float64],
-    count: int,
-    scenario: NDArray[np.float64],
-    quad: int,
-    cell_x: float,
-    cell_y: float,
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-) -> int:
+def _touch_quad(world: World, count: int, quad: Quad, cell: Point, frame: Frame) -> int:
     """Add the contact points of a cell with a quad, if any, and return the new number of points."""
-    by_quad, quad_nx, quad_ny, edge = separation_along_quad(scenario, quad, x, y, cos, sin)
+    x, y, cos, sin = frame
+    by_quad, quad_nx, quad_ny, edge = separation_along_quad(quad, frame)
     if by_quad > 2.0 * SKIN:
         return count
-    corners = quad_to_cell_frame(scenario, quad, x, y, cos, sin, scratch)
-    by_cell, cell_nx, cell_ny, face = separation_along_cell(scratch, corners)
+    corners = world.corners[: quad_to_cell_frame(quad, frame, world.corners)]
+    by_cell, cell_nx, cell_ny, face = separation_along_cell(corners)
     if by_cell > 2.0 * SKIN:
         return count
     if by_cell > by_quad + _FACE_PREFERENCE:
@@ -312,13 +207,13 @@ def _touch_quad(
         f_x1 = HALF_CELL * (n_x - n_y)
         f_y1 = HALF_CELL * (n_y + n_x)
         edge = face
-        opposite = _facing_edge(scenario, quad, cos * n_x - sin * n_y, sin * n_x + cos * n_y)
-        p_x0, p_y0, p_x1, p_y1 = edge_of_quad(scratch, corners, opposite)
+        opposite = _facing_edge(quad, cos * n_x - sin * n_y, sin * n_x + cos * n_y)
+        p_x0, p_y0, p_x1, p_y1 = edge_of_quad(corners, opposite)
         kind = FACE_OF_ROBOT
     else:
         n_x = quad_nx
         n_y = quad_ny
-        f_x0, f_y0, f_x1, f_y1 = edge_of_quad(scratch, corners, edge)
+        f_x0, f_y0, f_x1, f_y1 = edge_of_quad(corners, edge)
         opposite = _facing_face(n_x, n_y)
         o_x, o_y = face_of_cell(opposite)
         p_x0 = HALF_CELL * (o_x + o_y)
@@ -340,48 +235,48 @@ def _touch_quad(
             share = 1.0
         p_x = p_x0 + share * (p_x1 - p_x0)
         p_y = p_y0 + share * (p_y1 - p_y0)
-        if n_x * (p_x - f_x0) + n_y * (p_y - f_y0) > 2.0 * SKIN or not _has_room(scratch, count):
+        if n_x * (p_x - f_x0) + n_y * (p_y - f_y0) > 2.0 * SKIN or count == len(world.contacts):
             continue
-        contact = contact_at(count)
-        scratch[contact + KIND] = kind
+        contact: Contact = world.contacts[count]
+        contact.kind = kind
         # A clipped point belongs to a corner of the reference face and the facing edge, any other
         # to the reference face and the edge's corner.
         clipped = along != (first if end == 0 else second)
         corner = opposite if clipped else (opposite + end) % 4
-        scratch[contact + KEY] = ((kind * 2.0 + clipped) * 4.0 + edge) * 4.0 + corner
-        scratch[contact + RADII] = 2.0 * SKIN
-        scratch[contact + FACE_RADIUS] = SKIN
+        contact.key = ((kind * 2 + clipped) * 4 + edge) * 4 + corner
+        contact.radii = 2.0 * SKIN
+        contact.face_radius = SKIN
         if kind == FACE_OF_WALL:
-            scratch[contact + FACE_NX] = cos * n_x - sin * n_y
-            scratch[contact + FACE_NY] = sin * n_x + cos * n_y
-            scratch[contact + FACE_X] = x + cos * f_x0 - sin * f_y0
-            scratch[contact + FACE_Y] = y + sin * f_x0 + cos * f_y0
-            scratch[contact + POINT_X] = cell_x + p_x
-            scratch[contact + POINT_Y] = cell_y + p_y
+            contact.face_nx = cos * n_x - sin * n_y
+            contact.face_ny = sin * n_x + cos * n_y
+            contact.face_x = x + cos * f_x0 - sin * f_y0
+            contact.face_y = y + sin * f_x0 + cos * f_y0
+            contact.point_x = cell.x + p_x
+            contact.point_y = cell.y + p_y
         else:
-            scratch[contact + FACE_NX] = n_x
-            scratch[contact + FACE_NY] = n_y
-            scratch[contact + FACE_X] = cell_x + f_x0
-            scratch[contact + FACE_Y] = cell_y + f_y0
-            scratch[contact + POINT_X] = x + cos * p_x - sin * p_y
-            scratch[contact + POINT_Y] = y + sin * p_x + cos * p_y
+            contact.face_nx = n_x
+            contact.face_ny = n_y
+            contact.face_x = cell.x + f_x0
+            contact.face_y = cell.y + f_y0
+            contact.point_x = x + cos * p_x - sin * p_y
+            contact.point_y = y + sin * p_x + cos * p_y
         count += 1
     return count
 
 
 @kernel
-def _facing_edge(scenario: NDArray[np.float64], quad: int, n_x: float, n_y: float) -> int:
+def _facing_edge(quad: Quad, n_x: float, n_y: float) -> int:
     """The quad's edge whose outward normal is most opposed to a world direction."""
     best = 2.0
     best_edge = 0
-    for corner in range(int(scenario[quad + QUAD_CORNERS])):
-        edge = quad + QUAD_EDGES + 3 * corner
-        if scenario[edge] == 0.0 and scenario[edge + 1] == 0.0:
+    for i in range(quad.corner_count):
+        edge: Edge = quad.edges[i]
+        if edge.n_x == 0.0 and edge.n_y == 0.0:
             continue
-        opposed = n_x * scenario[edge] + n_y * scenario[edge + 1]
+        opposed = n_x * edge.n_x + n_y * edge.n_y
         if opposed < best:
             best = opposed
-            best_edge = corner
+            best_edge = i
     return best_edge
 
 

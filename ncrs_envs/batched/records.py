@@ -1,64 +1,52 @@
-"""Task settings, scenarios and bodies as the arrays that kernels take."""
+"""Task settings, scenarios and bodies as the records that kernels take."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.compiler import kernel
+from ncrs_envs.batched.dtypes import records
 from ncrs_envs.batched.layout import (
-    QUAD_CORNERS,
-    QUAD_EDGES,
-    QUAD_HIGH_X,
-    QUAD_HIGH_Y,
-    QUAD_LOW_X,
-    QUAD_LOW_Y,
-    QUAD_POINTS,
-    QUAD_SIZE,
-    SCENARIO_HEADER,
-    SCENARIO_QUADS,
-    SCENARIO_SEEN_X,
-    SCENARIO_START_X,
-    SCENARIO_TARGET_X,
-    SETTING_EXTENT,
-    SETTING_HAS_BALL,
-    SETTING_INVERSE_SQUARE,
-    SETTING_SUCCESS_RADIUS,
-    SETTINGS_SIZE,
-    cells_size,
-    robot_size,
-    scenario_size,
+    Edge,
+    Point,
+    Quad,
+    Robots,
+    Scenarios,
+    Settings,
+    World,
+    Worlds,
+    make_robots,
+    make_scenarios,
+    make_scratch,
 )
-from ncrs_envs.batched.robot import prepare_robot
+from ncrs_envs.batched.layout import Scenario as ScenarioRecord
+from ncrs_envs.batched.robot import prepare_robots
+from ncrs_envs.batched.simulate import make_world
 from ncrs_envs.scenario import MIN_QUAD_SIDE, Scenario, wall_quads
+from ncrs_envs.scenario import Point as Place
 from ncrs_envs.tasks import TaskSettings, playfield
 
+_NOWHERE = (np.nan, np.nan)
 
-def settings_array(task: TaskSettings) -> NDArray[np.float64]:
-    """A task's settings as float64 ``(SETTINGS_SIZE,)``."""
-    settings = np.zeros(SETTINGS_SIZE)
-    settings[SETTING_EXTENT] = playfield(task.grid_size)
-    settings[SETTING_INVERSE_SQUARE] = task.distance_score == "inverse_square"
-    settings[SETTING_SUCCESS_RADIUS] = task.radius
-    settings[SETTING_HAS_BALL] = task.task.has_ball
+
+def settings_record(task: TaskSettings) -> Settings:
+    """A task's settings."""
+    settings: Settings = records(Settings, 1)[0]
+    settings.extent = playfield(task.grid_size)
+    settings.inverse_square = task.distance_score == "inverse_square"
+    settings.success_radius = task.radius
+    settings.has_ball = task.task.has_ball
     return settings
 
 
-def robot_arrays(bodies: NDArray[np.int8]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Records of many bodies, shape ``(bodies, n, n)``, each with at least one cell.
-
-    Returns:
-        float64 ``(bodies, robot_size(n))`` and int32 ``(bodies, cells_size(n))``.
-    """
-    n = bodies.shape[-1]
-    robots = np.zeros((len(bodies), robot_size(n)))
-    cells = np.zeros((len(bodies), cells_size(n)), dtype=np.int32)
-    for body, robot, indices in zip(bodies, robots, cells, strict=True):
-        prepare_robot(body, robot, indices)
-    return robots, cells
+def robot_records(bodies: NDArray[np.int8]) -> Robots:
+    """Records of many bodies, shape ``(bodies, n, n)``, each with at least one cell."""
+    robots = make_robots(len(bodies), bodies.shape[-1])
+    prepare_robots(bodies, robots)
+    return robots
 
 
 def quad_capacity(scenarios: Sequence[Scenario]) -> int:
@@ -69,101 +57,113 @@ def quad_capacity(scenarios: Sequence[Scenario]) -> int:
     )
 
 
-def scenario_arrays(
-    scenarios: Sequence[Scenario], grid_size: int, quads: int | None = None
-) -> NDArray[np.float64]:
-    """Records of many scenarios, float64, shape ``(scenarios, scenario_size(quads))``.
+def scenario_records(scenarios: Sequence[Scenario], grid_size: int) -> Scenarios:
+    """Records of many scenarios, with room for as many wall quads as the largest needs.
 
     Args:
         scenarios: placements, already checked; all of the same task.
         grid_size: side of the body grid, which says how far walls reach.
-        quads: room for this many wall quads each; by default as many as the largest needs.
     """
-    if quads is None:
-        quads = quad_capacity(scenarios)
-    rows = np.empty((len(scenarios), scenario_size(quads)))
-    for row, scenario in zip(rows, scenarios, strict=True):
-        row[:SCENARIO_HEADER] = np.nan
-        row[SCENARIO_QUADS] = 0.0
-        _place(row, SCENARIO_START_X, scenario.start)
-        _place(row, SCENARIO_SEEN_X, scenario.ball if scenario.light is None else scenario.light)
-        _place(row, SCENARIO_TARGET_X, scenario.target)
+    rows = make_scenarios(len(scenarios), quad_capacity(scenarios))
+    for scenario, record, quads in zip(scenarios, *rows, strict=True):
+        goal = scenario.ball if scenario.light is None else scenario.light
+        _place(record, scenario.start, goal, scenario.target)
         if scenario.walls is not None:
-            prepare_walls(wall_quads(scenario, grid_size), row)
+            record.quad_count = prepare_walls(wall_quads(scenario, grid_size), quads)
     return rows
 
 
-def _place(row: NDArray[np.float64], index: int, point: Any) -> None:
-    if point is not None:
-        row[index], row[index + 1] = point
+def _place(record: ScenarioRecord, start: Place, goal: Place | None, target: Place | None) -> None:
+    record.start_x, record.start_y = start
+    record.goal_x, record.goal_y = goal or _NOWHERE
+    record.target_x, record.target_y = target or _NOWHERE
+
+
+def single_world(settings: TaskSettings, body: NDArray[np.int8], scenario: Scenario) -> World:
+    """The world of one episode: a checked body in a checked scenario."""
+    n = settings.grid_size
+    worlds = Worlds(
+        settings_record(settings),
+        robot_records(body[None]),
+        scenario_records([scenario], n),
+        make_scratch(n),
+    )
+    return make_world(worlds, 0, 0)
 
 
 @kernel
-def prepare_walls(quads: NDArray[np.float64], scenario: NDArray[np.float64]) -> None:
-    """Write wall quads into a scenario's record, in order of increasing lower edge.
+def prepare_walls(walls: NDArray[np.float64], quads: NDArray[Quad]) -> int:
+    """Write wall quads in order of increasing lower edge, and return their number.
 
     Each is replaced by its convex hull, since a vertex that lies beyond the wall's outer side makes
-    the quad cross itself.
+    the quad cross itself. Flat ones are left out.
 
     Args:
-        quads: shape ``(quads, 4, 2)``, from ``scenario.wall_quads``.
-        scenario: the record, with room for that many.
+        walls: corners, shape ``(quads, 4, 2)``, from ``scenario.wall_quads``.
+        quads: output, with room for that many.
     """
     count = 0
-    for quad in quads:
-        low_x = high_x = quad[0, 0]
-        low_y = high_y = quad[0, 1]
-        for corner in range(1, 4):
-            low_x = min(low_x, quad[corner, 0])
-            high_x = max(high_x, quad[corner, 0])
-            low_y = min(low_y, quad[corner, 1])
-            high_y = max(high_y, quad[corner, 1])
-        if min(high_x - low_x, high_y - low_y) <= MIN_QUAD_SIDE:
+    for i in range(len(walls)):
+        if _is_flat(walls[i]):
             continue
-        place = count
-        while place > 0 and scenario[_quad(place - 1) + QUAD_LOW_Y] > low_y:
-            for i in range(QUAD_SIZE):
-                scenario[_quad(place) + i] = scenario[_quad(place - 1) + i]
-            place -= 1
-        record = scenario[_quad(place) : _quad(place + 1)]
-        record[QUAD_LOW_X] = low_x
-        record[QUAD_HIGH_X] = high_x
-        record[QUAD_LOW_Y] = low_y
-        record[QUAD_HIGH_Y] = high_y
-        _write_hull(quad, record)
+        _, low_y, _, _ = _box(walls[i])
+        place = 0
+        for j in range(len(walls)):
+            _, other_y, _, _ = _box(walls[j])
+            is_before = other_y < low_y or (other_y == low_y and j < i)
+            if is_before and not _is_flat(walls[j]):
+                place += 1
+        quad: Quad = quads[place]
+        quad.low_x, quad.low_y, quad.high_x, quad.high_y = _box(walls[i])
+        _write_hull(walls[i], quad)
         count += 1
-    scenario[SCENARIO_QUADS] = count
+    return count
 
 
 @kernel
-def _quad(index: int) -> int:
-    return SCENARIO_HEADER + QUAD_SIZE * index
+def _box(corners: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """Bounding box of four points: low x, low y, high x, high y."""
+    low_x = high_x = corners[0, 0]
+    low_y = high_y = corners[0, 1]
+    for corner in range(1, 4):
+        low_x = min(low_x, corners[corner, 0])
+        high_x = max(high_x, corners[corner, 0])
+        low_y = min(low_y, corners[corner, 1])
+        high_y = max(high_y, corners[corner, 1])
+    return low_x, low_y, high_x, high_y
 
 
 @kernel
-def _write_hull(quad: NDArray[np.float64], record: NDArray[np.float64]) -> None:
+def _is_flat(corners: NDArray[np.float64]) -> bool:
+    low_x, low_y, high_x, high_y = _box(corners)
+    return bool(min(high_x - low_x, high_y - low_y) <= MIN_QUAD_SIDE)
+
+
+@kernel
+def _write_hull(points: NDArray[np.float64], quad: Quad) -> None:
     """The convex hull of four points, counter-clockwise, by gift wrapping from the lowest, and its
     edges."""
     first = 0
     for corner in range(1, 4):
-        lower = quad[corner, 1] < quad[first, 1]
-        level = quad[corner, 1] == quad[first, 1] and quad[corner, 0] > quad[first, 0]
+        lower = points[corner, 1] < points[first, 1]
+        level = points[corner, 1] == points[first, 1] and points[corner, 0] > points[first, 0]
         if lower or level:
             first = corner
     current = first
     count = 0
     while count < 4:
-        record[QUAD_POINTS + 2 * count] = quad[current, 0]
-        record[QUAD_POINTS + 2 * count + 1] = quad[current, 1]
+        point: Point = quad.corners[count]
+        point.x = points[current, 0]
+        point.y = points[current, 1]
         count += 1
         following = 0 if current != 0 else 1
         for corner in range(4):
             if corner == current:
                 continue
-            a_x = quad[following, 0] - quad[current, 0]
-            a_y = quad[following, 1] - quad[current, 1]
-            b_x = quad[corner, 0] - quad[current, 0]
-            b_y = quad[corner, 1] - quad[current, 1]
+            a_x = points[following, 0] - points[current, 0]
+            a_y = points[following, 1] - points[current, 1]
+            b_x = points[corner, 0] - points[current, 0]
+            b_y = points[corner, 1] - points[current, 1]
             cross = a_x * b_y - a_y * b_x
             further = cross == 0.0 and b_x * b_x + b_y * b_y > a_x * a_x + a_y * a_y
             if cross < 0.0 or further:
@@ -171,17 +171,17 @@ def _write_hull(quad: NDArray[np.float64], record: NDArray[np.float64]) -> None:
         current = following
         if current == first:
             break
-    record[QUAD_CORNERS] = count
+    quad.corner_count = count
     for corner in range(count):
-        point = QUAD_POINTS + 2 * corner
-        following = point + 2 if corner + 1 < count else QUAD_POINTS
-        n_x = record[following + 1] - record[point + 1]
-        n_y = record[point] - record[following]
+        begin: Point = quad.corners[corner]
+        end: Point = quad.corners[corner + 1 if corner + 1 < count else 0]
+        n_x = end.y - begin.y
+        n_y = begin.x - end.x
         length = (n_x * n_x + n_y * n_y) ** 0.5
         if length > 0.0:
             n_x /= length
             n_y /= length
-        edge = QUAD_EDGES + 3 * corner
-        record[edge] = n_x
-        record[edge + 1] = n_y
-        record[edge + 2] = n_x * record[point] + n_y * record[point + 1]
+        edge: Edge = quad.edges[corner]
+        edge.n_x = n_x
+        edge.n_y = n_y
+        edge.offset = n_x * begin.x + n_y * begin.y

@@ -1,4 +1,4 @@
-"""A body's constants as a flat record: mass, wheels, sensors and exposed cells."""
+"""A body's constants as records: mass, wheels, sensors and exposed cells."""
 
 from __future__ import annotations
 
@@ -6,20 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.compiler import kernel
-from ncrs_envs.batched.layout import (
-    CELLS_EXPOSED,
-    CELLS_GRID_SIZE,
-    CELLS_HEADER,
-    CELLS_SENSORS,
-    CELLS_WHEELS,
-    ROBOT_CENTER_X,
-    ROBOT_CENTER_Y,
-    ROBOT_DAMPING,
-    ROBOT_HEADER,
-    ROBOT_INVERSE_INERTIA,
-    ROBOT_INVERSE_MASS,
-    ROBOT_RADIUS,
-)
+from ncrs_envs.batched.layout import Point, Robot, Robots, Sensor, Wheel
 from ncrs_envs.body import CELL_DENSITY, CELL_SIZE, Cell
 from ncrs_envs.physics import (
     DT,
@@ -79,79 +66,99 @@ def _is_exposed(body: NDArray[np.int8], row: int, column: int) -> bool:
 
 
 @kernel
-def prepare_robot(
-    body: NDArray[np.int8], robot: NDArray[np.float64], cells: NDArray[np.int32]
-) -> None:
-    """Fill the records of a body with at least one cell (see ``layout``).
-
-    Args:
-        body: cell codes, shape ``(n, n)``, already valid.
-        robot: output, float64, shape ``(robot_size(n),)``.
-        cells: output, int32, shape ``(cells_size(n),)``.
-    """
-    n = body.shape[0]
-    places = n * n
-    middle = 0.5 * (n - 1)
-    mass, center_x, center_y, inertia = _mass_properties(body)
-    sensor_start = ROBOT_HEADER + 3 * places
-    exposed_start = ROBOT_HEADER + 5 * places
-    wheels = 0
-    sensors = 0
-    exposed = 0
-    radius = 0.0
-    for row in range(n):
-        for column in range(n):
-            code = body[row, column]
-            if code == _EMPTY:
-                continue
-            x = (column - middle) * CELL_SIZE - center_x
-            y = (middle - row) * CELL_SIZE - center_y
-            radius = max(radius, (x * x + y * y) ** 0.5 + _HALF_DIAGONAL)
-            place = row * n + column
-            if code == _WHEEL:
-                cells[CELLS_HEADER + wheels] = place
-                robot[ROBOT_HEADER + 3 * wheels] = x
-                robot[ROBOT_HEADER + 3 * wheels + 1] = y
-                wheels += 1
-            elif code in (_LIGHT_SENSOR, _TARGET_SENSOR):
-                cells[CELLS_HEADER + places + sensors] = place
-                cells[CELLS_HEADER + 2 * places + sensors] = code == _TARGET_SENSOR
-                robot[sensor_start + 2 * sensors] = x
-                robot[sensor_start + 2 * sensors + 1] = y
-                sensors += 1
-            if _is_exposed(body, row, column):
-                robot[exposed_start + 2 * exposed] = x
-                robot[exposed_start + 2 * exposed + 1] = y
-                exposed += 1
-    cells[CELLS_GRID_SIZE] = n
-    cells[CELLS_WHEELS] = wheels
-    cells[CELLS_SENSORS] = sensors
-    cells[CELLS_EXPOSED] = exposed
-    robot[ROBOT_INVERSE_MASS] = 1.0 / mass
-    robot[ROBOT_INVERSE_INERTIA] = 1.0 / inertia
-    robot[ROBOT_CENTER_X] = center_x
-    robot[ROBOT_CENTER_Y] = center_y
-    robot[ROBOT_RADIUS] = radius
-    _prepare_wheels(robot, wheels, mass, inertia)
+def _position(place: int, grid_size: int, robot: Robot) -> tuple[float, float]:
+    """Centre of a cell, body frame, relative to the centre of mass."""
+    middle = 0.5 * (grid_size - 1)
+    x = (place % grid_size - middle) * CELL_SIZE - robot.center_x
+    y = (middle - place // grid_size) * CELL_SIZE - robot.center_y
+    return x, y
 
 
 @kernel
-def _prepare_wheels(robot: NDArray[np.float64], wheels: int, mass: float, inertia: float) -> None:
-    """Turn wheel positions into twist changes per unit of gas, and fill the damping.
+def prepare_robot(
+    body: NDArray[np.int8],
+    robot: Robot,
+    wheels: NDArray[Wheel],
+    sensors: NDArray[Sensor],
+    exposed: NDArray[Point],
+) -> None:
+    """Fill the records of a body with at least one cell.
+
+    Args:
+        body: cell codes, shape ``(n, n)``, already valid.
+        robot: output.
+        wheels: output, with room for ``n * n``, as the arrays below.
+        sensors: output.
+        exposed: output, centres of the cells with a free side.
+    """
+    n = body.shape[0]
+    mass, robot.center_x, robot.center_y, inertia = _mass_properties(body)
+    robot.inverse_mass = 1.0 / mass
+    robot.inverse_inertia = 1.0 / inertia
+    wheel_count = 0
+    sensor_count = 0
+    exposed_count = 0
+    radius = 0.0
+    for place in range(n * n):
+        row = place // n
+        column = place % n
+        code = body[row, column]
+        if code == _EMPTY:
+            continue
+        x, y = _position(place, n, robot)
+        radius = max(radius, (x * x + y * y) ** 0.5 + _HALF_DIAGONAL)
+        if code == _WHEEL:
+            wheel: Wheel = wheels[wheel_count]
+            wheel.place = place
+            wheel_count += 1
+        elif code in (_LIGHT_SENSOR, _TARGET_SENSOR):
+            sensor: Sensor = sensors[sensor_count]
+            sensor.place = place
+            sensor.senses_target = code == _TARGET_SENSOR
+            sensor.x = x
+            sensor.y = y
+            sensor_count += 1
+        if _is_exposed(body, row, column):
+            point: Point = exposed[exposed_count]
+            point.x = x
+            point.y = y
+            exposed_count += 1
+    robot.radius = radius
+    robot.wheel_count = wheel_count
+    robot.sensor_count = sensor_count
+    robot.exposed_count = exposed_count
+    _prepare_wheels(robot, wheels[:wheel_count], n, mass, inertia)
+
+
+@kernel
+def prepare_robots(bodies: NDArray[np.int8], robots: Robots) -> None:
+    """Fill the records of many bodies, shape ``(bodies, n, n)``."""
+    for i in range(len(bodies)):
+        prepare_robot(
+            bodies[i], robots.robots[i], robots.wheels[i], robots.sensors[i], robots.exposed[i]
+        )
+
+
+@kernel
+def _prepare_wheels(
+    robot: Robot, wheels: NDArray[Wheel], grid_size: int, mass: float, inertia: float
+) -> None:
+    """Fill the wheels' twist changes per unit of gas, and the damping.
 
     With ``M = diag(mass, mass, inertia)``, damping ``D`` and thrust ``T`` a step changes the
     body-frame twist by ``dt K^-1 (T g - D u)``: explicitly with ``K = M``, implicitly with
     ``K = M + dt D`` (see ``physics.wheel_model``). The rows of ``D`` here are those of the sums
     over wheels at (x, y) of ``20 (0, 1, x)^T (0, 1, x) + 100 (1, 0, -y)^T (1, 0, -y)``.
     """
-    xx = wheels * WHEEL_SIDE_FRICTION
-    yy = wheels * WHEEL_FORWARD_FRICTION
+    count = len(wheels)
+    xx = count * WHEEL_SIDE_FRICTION
+    yy = count * WHEEL_FORWARD_FRICTION
     x_turn = 0.0
     y_turn = 0.0
     turn = 0.0
-    for wheel in range(wheels):
-        x = robot[ROBOT_HEADER + 3 * wheel]
-        y = robot[ROBOT_HEADER + 3 * wheel + 1]
+    for i in range(count):
+        wheel: Wheel = wheels[i]
+        x, y = _position(wheel.place, grid_size, robot)
         x_turn -= WHEEL_SIDE_FRICTION * y
         y_turn += WHEEL_FORWARD_FRICTION * x
         turn += WHEEL_FORWARD_FRICTION * x * x + WHEEL_SIDE_FRICTION * y * y
@@ -174,12 +181,13 @@ def _prepare_wheels(robot: NDArray[np.float64], wheels: int, mass: float, inerti
         d_y = yy if column == 1 else (0.0 if column == 0 else y_turn)
         d_turn = x_turn if column == 0 else (y_turn if column == 1 else turn)
         omega = (d_turn - k_x * d_x / k_xx - k_y * d_y / k_yy) / schur
-        robot[ROBOT_DAMPING + column] = DT * (d_x - k_x * omega) / k_xx
-        robot[ROBOT_DAMPING + 3 + column] = DT * (d_y - k_y * omega) / k_yy
-        robot[ROBOT_DAMPING + 6 + column] = DT * omega
-    for wheel in range(wheels):
-        start = ROBOT_HEADER + 3 * wheel
-        omega = WHEEL_THRUST * (robot[start] - k_y / k_yy) / schur
-        robot[start] = DT * (-k_x * omega) / k_xx
-        robot[start + 1] = DT * (WHEEL_THRUST - k_y * omega) / k_yy
-        robot[start + 2] = DT * omega
+        robot.damping[0, column] = DT * (d_x - k_x * omega) / k_xx
+        robot.damping[1, column] = DT * (d_y - k_y * omega) / k_yy
+        robot.damping[2, column] = DT * omega
+    for i in range(count):
+        wheel = wheels[i]
+        x, _ = _position(wheel.place, grid_size, robot)
+        omega = WHEEL_THRUST * (x - k_y / k_yy) / schur
+        wheel.vx = DT * (-k_x * omega) / k_xx
+        wheel.vy = DT * (WHEEL_THRUST - k_y * omega) / k_yy
+        wheel.omega = DT * omega

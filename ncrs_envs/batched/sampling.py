@@ -1,26 +1,21 @@
-"""Random Obstacle scenarios for many runs at once, the same as ``sample_scenario`` draws.
+"""Random Obstacle scenarios for many episodes at once, the same as ``sample_scenario`` draws.
 
 An Obstacle scenario has dozens of random numbers, so that drawing thousands one by one takes longer
-than simulating them. Here each run's generator only fills arrays, in the order in which
+than simulating them. Here each episode's generator only fills arrays, in the order in which
 ``sample_scenario`` uses it, and compiled code does the rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.compiler import kernel
-from ncrs_envs.batched.layout import (
-    SCENARIO_SEEN_X,
-    SCENARIO_SEEN_Y,
-    SCENARIO_START_X,
-    SCENARIO_START_Y,
-    SCENARIO_TARGET_X,
-    SCENARIO_TARGET_Y,
-)
+from ncrs_envs.batched.layout import Scenario as ScenarioRecord
+from ncrs_envs.batched.layout import Scenarios, make_scenarios
 from ncrs_envs.batched.records import prepare_walls
 from ncrs_envs.body import CELL_SIZE
 from ncrs_envs.scenario import (
@@ -47,18 +42,32 @@ _FIXED_VERTICES = 2
 _COLUMNS = np.array(COLUMN_REGIONS)
 
 
+class _Draws(NamedTuple):
+    """Random numbers in [0, 1) for scenarios, and the walls' vertices that are made of them."""
+
+    regions: NDArray[np.int64]
+    """Where each light stands, 0 to 3."""
+    places: NDArray[np.float64]
+    """For the light's place and the passage's, ``(episodes, 3)``."""
+    starts: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    """For the vertices of the left and the right wall, ``(episodes, 2, 2 * MAX_VERTICES)``."""
+    counts: NDArray[np.int64]
+    """Numbers of vertices, ``(episodes, 2)``."""
+    vertices: NDArray[np.float64]
+    """Output, ``(episodes, 2, MAX_VERTICES, 2)``."""
+
+
 class ObstacleDraws:
-    """Obstacle scenarios of some runs.
+    """Obstacle scenarios of some episodes.
 
     Args:
-        generators: one for each run; each is left as ``sample_scenario`` would leave it.
+        generators: one for each episode; each is left as ``sample_scenario`` would leave it.
         regions: where each light stands, 0 to 3, or None for a uniformly random one.
         grid_size: side of the body grid.
-        records: output, float64 ``(runs, scenario_size(MAX_QUADS))``; kept.
 
     Attributes:
-        vertices: of the left and the right wall, shape ``(runs, 2, MAX_VERTICES, 2)``.
-        counts: numbers of vertices, shape ``(runs, 2)``.
+        records: the scenarios, with room for ``MAX_QUADS`` quads each.
 
     Raises:
         ScenarioError: no start free of walls was found.
@@ -69,52 +78,50 @@ class ObstacleDraws:
         generators: Sequence[np.random.Generator],
         regions: Sequence[int | None],
         grid_size: int,
-        records: NDArray[np.float64],
     ) -> None:
-        runs = len(generators)
-        chosen = np.empty(runs, dtype=np.int64)
-        places = np.empty((runs, 3))
-        starts = np.empty(runs)
-        noise = np.empty((runs, 2, 2 * MAX_VERTICES))
-        self.counts = np.empty((runs, 2), dtype=np.int64)
-        self.vertices = np.zeros((runs, 2, MAX_VERTICES, 2))
-        self.records = records
-        for run, (generator, region) in enumerate(zip(generators, regions, strict=True)):
-            chosen[run] = generator.integers(REGIONS) if region is None else region
-            generator.random(out=places[run])
+        count = len(generators)
+        self.records = make_scenarios(count, MAX_QUADS)
+        self._draws = draws = _Draws(
+            regions=np.empty(count, dtype=np.int64),
+            places=np.empty((count, 3)),
+            starts=np.empty(count),
+            noise=np.empty((count, 2, 2 * MAX_VERTICES)),
+            counts=np.empty((count, 2), dtype=np.int64),
+            vertices=np.zeros((count, 2, MAX_VERTICES, 2)),
+        )
+        for i, (generator, region) in enumerate(zip(generators, regions, strict=True)):
+            draws.regions[i] = generator.integers(REGIONS) if region is None else region
+            generator.random(out=draws.places[i])
             for side in range(2):
-                count = int(generator.integers(*WALL_VERTICES))
-                self.counts[run, side] = count
-                generator.random(out=noise[run, side, : 2 * (count - _FIXED_VERTICES)])
-            starts[run] = generator.random()
+                vertices = int(generator.integers(*WALL_VERTICES))
+                draws.counts[i, side] = vertices
+                generator.random(out=draws.noise[i, side, : 2 * (vertices - _FIXED_VERTICES)])
+            draws.starts[i] = generator.random()
         extent = playfield(grid_size)
-        blocked = np.empty(runs, dtype=np.bool_)
-        _build(
-            grid_size, extent, chosen, places, starts, noise,
-            self.counts, self.vertices, self.records, blocked,
-        )  # fmt: skip
-        for run in np.flatnonzero(blocked).tolist():
-            self._draw_start_again(run, generators[run], grid_size, extent)
+        blocked = np.empty(count, dtype=np.bool_)
+        _build(grid_size, extent, draws, self.records, blocked)
+        for i in np.flatnonzero(blocked).tolist():
+            self._draw_start_again(i, generators[i], grid_size, extent)
 
     def _draw_start_again(
-        self, run: int, generator: np.random.Generator, grid_size: int, extent: float
+        self, index: int, generator: np.random.Generator, grid_size: int, extent: float
     ) -> None:
         quads = np.empty((MAX_QUADS, 4, 2))
-        count = _write_quads(extent, self.counts[run], self.vertices[run], quads)
+        count = _write_quads(extent, self._draws.counts[index], self._draws.vertices[index], quads)
         for _ in range(MAX_START_DRAWS - 1):
             x = _between(-FAR * extent, FAR * extent, generator.random())
             if not _is_blocked(x, START_Y * extent, grid_size, quads[:count]):
-                self.records[run, SCENARIO_START_X] = x
+                self.records.scenarios[index].start_x = x
                 return
         raise ScenarioError(
             f"No start free of walls in {MAX_START_DRAWS} draws for grid size {grid_size}."
         )
 
-    def walls(self, run: int) -> tuple[Polyline, Polyline]:
-        """Edges of the left and the right wall of one run."""
+    def walls(self, index: int) -> tuple[Polyline, Polyline]:
+        """Edges of the left and the right wall of one episode."""
         left, right = (
-            tuple((float(x), float(y)) for x, y in self.vertices[run, side, :count])
-            for side, count in enumerate(self.counts[run])
+            tuple((float(x), float(y)) for x, y in self._draws.vertices[index, side, :count])
+            for side, count in enumerate(self._draws.counts[index])
         )
         return left, right
 
@@ -129,57 +136,52 @@ def _between(low: float, high: float, share: float) -> float:
 def _build(
     grid_size: int,
     extent: float,
-    regions: NDArray[np.int64],
-    places: NDArray[np.float64],
-    starts: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    counts: NDArray[np.int64],
-    vertices: NDArray[np.float64],
-    records: NDArray[np.float64],
+    draws: _Draws,
+    scenarios: Scenarios,
     blocked: NDArray[np.bool_],
 ) -> None:
     """Make scenarios of random numbers in [0, 1), and say whose start is not free of walls."""
     quads = np.empty((MAX_QUADS, 4, 2))
-    for run in range(len(regions)):
-        record = records[run]
-        noise_x = _between(-NOISE * extent, NOISE * extent, places[run, 0])
-        noise_y = _between(-NOISE * extent, NOISE * extent, places[run, 1])
-        passage = _between(-PASSAGE_RANGE * extent, PASSAGE_RANGE * extent, places[run, 2])
-        record[SCENARIO_START_X] = _between(-FAR * extent, FAR * extent, starts[run])
-        record[SCENARIO_START_Y] = START_Y * extent
-        record[SCENARIO_SEEN_X] = _COLUMNS[regions[run]] * extent + noise_x
-        record[SCENARIO_SEEN_Y] = FAR * extent + noise_y
-        record[SCENARIO_TARGET_X] = np.nan
-        record[SCENARIO_TARGET_Y] = np.nan
+    for i in range(len(blocked)):
+        record: ScenarioRecord = scenarios.scenarios[i]
+        noise_x = _between(-NOISE * extent, NOISE * extent, draws.places[i, 0])
+        noise_y = _between(-NOISE * extent, NOISE * extent, draws.places[i, 1])
+        passage = _between(-PASSAGE_RANGE * extent, PASSAGE_RANGE * extent, draws.places[i, 2])
+        record.start_x = _between(-FAR * extent, FAR * extent, draws.starts[i])
+        record.start_y = START_Y * extent
+        record.goal_x = _COLUMNS[draws.regions[i]] * extent + noise_x
+        record.goal_y = FAR * extent + noise_y
+        record.target_x = np.nan
+        record.target_y = np.nan
         for side in range(2):
-            _write_wall(
-                grid_size, extent, passage, -1.0 if side == 0 else 1.0,
-                counts[run, side], noise[run, side], vertices[run, side],
-            )  # fmt: skip
-        count = _write_quads(extent, counts[run], vertices[run], quads)
-        prepare_walls(quads[:count], record)
-        blocked[run] = _is_blocked(
-            record[SCENARIO_START_X], record[SCENARIO_START_Y], grid_size, quads[:count]
-        )
+            vertices = draws.vertices[i, side, : draws.counts[i, side]]
+            sign = -1.0 if side == 0 else 1.0
+            _place_ends(grid_size, extent, passage, sign, vertices)
+            _fill_wall(grid_size, draws.noise[i, side], vertices)
+        count = _write_quads(extent, draws.counts[i], draws.vertices[i], quads)
+        record.quad_count = prepare_walls(quads[:count], scenarios.quads[i])
+        blocked[i] = _is_blocked(record.start_x, record.start_y, grid_size, quads[:count])
 
 
 @kernel
-def _write_wall(
-    grid_size: int,
-    extent: float,
-    passage: float,
-    sign: float,
-    count: int,
-    noise: NDArray[np.float64],
-    vertices: NDArray[np.float64],
+def _place_ends(
+    grid_size: int, extent: float, passage: float, sign: float, vertices: NDArray[np.float64]
 ) -> None:
-    """Equally spaced vertices from the lower corner to the passage, all but the last two moved."""
-    bottom_x = sign * WALL_EXTENT * extent
-    bottom_y = -WALL_EXTENT * extent
-    top_x = passage + sign * PASSAGE_HALF_WIDTH * grid_size
-    top_y = WALL_TOP * grid_size
-    step_x = (top_x - bottom_x) / (count - 1)
-    step_y = (top_y - bottom_y) / (count - 1)
+    """A wall's first vertex, at the lower corner, and its last, at the passage."""
+    vertices[0, 0] = sign * WALL_EXTENT * extent
+    vertices[0, 1] = -WALL_EXTENT * extent
+    vertices[-1, 0] = passage + sign * PASSAGE_HALF_WIDTH * grid_size
+    vertices[-1, 1] = WALL_TOP * grid_size
+
+
+@kernel
+def _fill_wall(grid_size: int, noise: NDArray[np.float64], vertices: NDArray[np.float64]) -> None:
+    """Equally spaced vertices between a wall's ends; all but the last two are then moved."""
+    count = len(vertices)
+    bottom_x = vertices[0, 0]
+    bottom_y = vertices[0, 1]
+    step_x = (vertices[-1, 0] - bottom_x) / (count - 1)
+    step_y = (vertices[-1, 1] - bottom_y) / (count - 1)
     reach = WALL_NOISE * grid_size
     for i in range(count - 1):
         vertices[i, 0] = i * step_x + bottom_x
@@ -187,8 +189,6 @@ def _write_wall(
         if i < count - _FIXED_VERTICES:
             vertices[i, 0] += _between(-reach, reach, noise[2 * i])
             vertices[i, 1] += _between(-reach, reach, noise[2 * i + 1])
-    vertices[count - 1, 0] = top_x
-    vertices[count - 1, 1] = top_y
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""The scenarios of many runs: as records for the kernels, and as objects when somebody asks."""
+"""The scenarios of many episodes: as records for the kernels, and as objects when somebody asks."""
 
 from __future__ import annotations
 
@@ -7,14 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs_envs.batched.layout import (
-    SCENARIO_SEEN_X,
-    SCENARIO_SEEN_Y,
-    SCENARIO_START_X,
-    SCENARIO_START_Y,
-    scenario_size,
-)
-from ncrs_envs.batched.records import quad_capacity, scenario_arrays
+from ncrs_envs.batched.layout import Scenario as ScenarioRecord
+from ncrs_envs.batched.layout import Scenarios, make_scenarios
+from ncrs_envs.batched.records import scenario_records
 from ncrs_envs.batched.sampling import MAX_QUADS, ObstacleDraws
 from ncrs_envs.scenario import Scenario, sample_scenario
 from ncrs_envs.tasks import Task
@@ -23,62 +18,65 @@ Indices = NDArray[np.intp]
 
 
 class ScenarioTable:
-    """Scenarios of ``count`` runs of one task, at first none.
+    """Scenarios of ``count`` episodes of one task, at first none.
 
     Attributes:
-        records: float64 ``(count, scenario_size(quads))``, with room for as many wall quads as any
-            scenario so far has had.
+        records: those of all episodes, with room for as many wall quads as any scenario so far has
+            had.
     """
 
     def __init__(self, task: Task, count: int, grid_size: int) -> None:
         self._task = task
         self._grid_size = grid_size
-        self.records = np.zeros((count, scenario_size(MAX_QUADS if task.has_walls else 0)))
+        self.records = make_scenarios(count, MAX_QUADS if task.has_walls else 0)
         self._makers: list[Callable[[], Scenario] | None] = [None] * count
 
-    def __getitem__(self, run: int) -> Scenario | None:
-        """The scenario of a run, or None."""
-        make = self._makers[run]
+    def __getitem__(self, episode: int) -> Scenario | None:
+        """The scenario of an episode, or None."""
+        make = self._makers[episode]
         return None if make is None else make()
 
-    def start(self, run: int) -> tuple[float, float]:
-        """Where a run's robot starts."""
-        row = self.records[run]
-        return float(row[SCENARIO_START_X]), float(row[SCENARIO_START_Y])
+    def start(self, episode: int) -> tuple[float, float]:
+        """Where an episode's robot starts."""
+        record: ScenarioRecord = self.records.scenarios[episode]
+        return float(record.start_x), float(record.start_y)
 
-    def put(self, runs: Sequence[int], scenarios: Sequence[Scenario]) -> None:
-        """Give runs these scenarios, already checked."""
+    def put(self, episodes: Sequence[int], scenarios: Sequence[Scenario]) -> None:
+        """Give episodes these scenarios, already checked."""
         if not scenarios:
             return
-        rows = scenario_arrays(scenarios, self._grid_size, quad_capacity(scenarios))
-        width, needed = self.records.shape[1], rows.shape[1]
+        self._write(episodes, scenario_records(scenarios, self._grid_size))
+        for episode, scenario in zip(episodes, scenarios, strict=True):
+            self._makers[episode] = _Kept(scenario)
+
+    def _write(self, episodes: Sequence[int], rows: Scenarios) -> None:
+        width, needed = self.records.quads.shape[1], rows.quads.shape[1]
         if needed > width:
-            self.records = np.pad(self.records, ((0, 0), (0, needed - width)))
-        self.records[runs, :needed] = rows
-        for run, scenario in zip(runs, scenarios, strict=True):
-            self._makers[run] = _Kept(scenario)
+            quads = np.pad(self.records.quads, ((0, 0), (0, needed - width)))
+            self.records = self.records._replace(quads=quads)
+        self.records.scenarios[episodes] = rows.scenarios
+        self.records.quads[episodes, :needed] = rows.quads
 
     def draw(
         self,
-        runs: Sequence[int],
+        episodes: Sequence[int],
         generators: Sequence[np.random.Generator],
         regions: Sequence[int | None],
     ) -> None:
-        """Give runs the scenarios that ``sample_scenario`` draws from these generators."""
+        """Give episodes the scenarios that ``sample_scenario`` draws from these generators."""
         if not self._task.has_walls:
             self.put(
-                runs,
+                episodes,
                 [
                     sample_scenario(self._task, generator, region, self._grid_size)
                     for generator, region in zip(generators, regions, strict=True)
                 ],
             )
-        elif runs:
-            rows = np.empty((len(runs), scenario_size(MAX_QUADS)))
-            draws = ObstacleDraws(generators, regions, self._grid_size, rows)
-            self.records[runs, : rows.shape[1]] = rows
-            for i, run in enumerate(runs):
-                self._makers[run] = _Drawn(draws, i)
+        elif episodes:
+            draws = ObstacleDraws(generators, regions, self._grid_size)
+            self._write(episodes, draws.records)
+            for i, episode in enumerate(episodes):
+                self._makers[episode] = _Drawn(draws, i)
 
 
 class _Kept:
@@ -99,9 +97,9 @@ class _Drawn:
         self._index = index
 
     def __call__(self) -> Scenario:
-        row = self._draws.records[self._index]
+        record: ScenarioRecord = self._draws.records.scenarios[self._index]
         return Scenario(
-            start=(row[SCENARIO_START_X], row[SCENARIO_START_Y]),
-            light=(row[SCENARIO_SEEN_X], row[SCENARIO_SEEN_Y]),
+            start=(record.start_x, record.start_y),
+            light=(record.goal_x, record.goal_y),
             walls=self._draws.walls(self._index),
         )

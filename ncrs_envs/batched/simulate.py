@@ -1,21 +1,14 @@
-"""One robot in one run: reset and step. The interface that batched callers use.
+"""One robot in one episode: reset and step. The interface that batched callers use.
 
-Every kernel works on one run and touches only the arrays it is given, so callers may spread runs
+Every kernel works on one episode and touches only what it is given, so callers may spread episodes
 over threads as they like; results do not depend on how. Nothing is allocated inside a step.
 
-Arrays, with ``n`` the grid size (``layout`` says what lies where):
+An episode is ``reset_episode(...)``, then ``step_episode(...)`` as often as needed. They take:
 
-- ``settings``: float64 ``(SETTINGS_SIZE,)``, from ``records.settings_array``; one for all.
-- ``robot``: float64 ``(robot_size(n),)`` and ``cells``: int32 ``(cells_size(n),)``, both filled by
-  ``robot.prepare_robot(body, robot, cells)``; one for all runs of a body.
-- ``scenario``: float64 ``(scenario_size(quads),)``, a row of ``records.scenario_arrays``.
-- ``state``: float64 ``(STATE_SIZE,)``, one for each run.
-- ``scratch``: float64 ``(scratch_size(n),)``, contents meaningless between calls; one for each
-  thread is enough.
+- ``world``: what the steps read, made by ``make_world`` from records of many robots and scenarios
+  (``records`` fills them), with room for the solver, one for each thread.
+- ``state``: one for each episode. Success, crossed and touched are read from it.
 - ``action`` and ``observation``: flat grids ``(n * n,)`` of float32 or float64, row by row.
-
-A run is ``reset_run(...)``, then ``step_run(...)`` as often as needed. Success, crossed and
-touched are read from the state.
 """
 
 from __future__ import annotations
@@ -23,79 +16,77 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs_envs.batched.compiler import kernel
+from ncrs_envs.batched.compiler import inlined, kernel
 from ncrs_envs.batched.contacts import move_with_contacts
 from ncrs_envs.batched.dynamics import apply_drag, apply_wheels
-from ncrs_envs.batched.layout import (
-    ROBOT_CENTER_X,
-    ROBOT_CENTER_Y,
-    SCENARIO_SEEN_X,
-    SCENARIO_SEEN_Y,
-    SCENARIO_START_X,
-    SCENARIO_START_Y,
-    SETTING_HAS_BALL,
-    STATE_BALL_X,
-    STATE_BALL_Y,
-    STATE_CLOSEST,
-    STATE_COS,
-    STATE_SIZE,
-    STATE_X,
-    STATE_Y,
-)
-from ncrs_envs.batched.sensing import score, sense
+from ncrs_envs.batched.layout import State, World, Worlds
+from ncrs_envs.batched.sensing import distances, keep_record, score, sense
+
+
+def make_world(worlds: Worlds, robot: int, scenario: int) -> World:
+    """The world of a robot in a scenario, given their indices."""
+    return World(
+        worlds.settings,
+        worlds.robots.robots[robot],
+        worlds.robots.wheels[robot],
+        worlds.robots.sensors[robot],
+        worlds.robots.exposed[robot],
+        worlds.scenarios.scenarios[scenario],
+        worlds.scenarios.quads[scenario],
+        worlds.scratch.contacts,
+        worlds.scratch.corners,
+    )
+
+
+world_at = inlined(make_world)
+"""``make_world`` in kernels."""
 
 
 @kernel
-def reset_run(
-    settings: NDArray[np.float64],
-    robot: NDArray[np.float64],
-    cells: NDArray[np.int32],
-    scenario: NDArray[np.float64],
-    state: NDArray[np.float64],
-    observation: NDArray[np.floating],
-) -> None:
+def reset_episode(world: World, state: State, observation: NDArray[np.floating]) -> None:
     """Place robot and ball as the scenario says, at rest, and write the first observation."""
-    for i in range(STATE_SIZE):
-        state[i] = 0.0
-    state[STATE_X] = scenario[SCENARIO_START_X] + robot[ROBOT_CENTER_X]
-    state[STATE_Y] = scenario[SCENARIO_START_Y] + robot[ROBOT_CENTER_Y]
-    state[STATE_COS] = 1.0
-    state[STATE_CLOSEST] = np.inf
-    state[STATE_CLOSEST + 1] = np.inf
-    if settings[SETTING_HAS_BALL] != 0.0:
-        state[STATE_BALL_X] = scenario[SCENARIO_SEEN_X]
-        state[STATE_BALL_Y] = scenario[SCENARIO_SEEN_Y]
+    state.x = world.scenario.start_x + world.robot.center_x
+    state.y = world.scenario.start_y + world.robot.center_y
+    state.angle = 0.0
+    state.vx = 0.0
+    state.vy = 0.0
+    state.omega = 0.0
+    state.cos = 1.0
+    state.sin = 0.0
+    state.ball_x = world.scenario.goal_x if world.settings.has_ball else 0.0
+    state.ball_y = world.scenario.goal_y if world.settings.has_ball else 0.0
+    state.ball_vx = 0.0
+    state.ball_vy = 0.0
+    state.ball_omega = 0.0
+    state.clearance = 0.0
+    state.closest_goal = np.inf
+    state.closest_target = np.inf
+    state.success = False
+    state.crossed = False
+    state.touched = False
+    state.memory_count = 0
     for place in range(observation.shape[0]):
         observation[place] = 0.0
-    sense(settings, robot, cells, scenario, state, observation)
+    sense(world, state, observation)
 
 
 @kernel
-def step_run(
-    settings: NDArray[np.float64],
-    robot: NDArray[np.float64],
-    cells: NDArray[np.int32],
-    scenario: NDArray[np.float64],
-    state: NDArray[np.float64],
-    scratch: NDArray[np.float64],
-    action: NDArray[np.floating],
-    observation: NDArray[np.floating],
+def step_episode(
+    world: World, state: State, action: NDArray[np.floating], observation: NDArray[np.floating]
 ) -> float:
     """Advance one step of ``DT`` seconds and return the reward.
 
     Args:
-        settings: the task's settings.
-        robot: the robot's record.
-        cells: the robot's indices.
-        scenario: the run's scenario.
-        state: the run's state, changed.
-        scratch: room for the contact solver.
+        world: the episode's world.
+        state: the episode's state, changed.
         action: finite gas per cell; read in wheel cells, clipped to [-1, 1].
         observation: output; only sensor cells are written.
     """
-    apply_wheels(robot, cells, state, action)
-    if settings[SETTING_HAS_BALL] != 0.0:
+    apply_wheels(world, state, action)
+    if world.settings.has_ball:
         apply_drag(state)
-    move_with_contacts(settings, robot, cells, scenario, state, scratch)
-    sense(settings, robot, cells, scenario, state, observation)
-    return score(settings, robot, scenario, state)
+    move_with_contacts(world, state)
+    sense(world, state, observation)
+    to_goal, to_target = distances(world, state)
+    keep_record(world, state, to_goal, to_target)
+    return score(world.settings, to_goal, to_target)

@@ -19,7 +19,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ncrs_envs.batched.run_batch import RunBatch, default_threads
+from ncrs_envs.batched.episode_batch import EpisodeBatch
 from ncrs_envs.batched.scenario_table import Indices
 from ncrs_envs.batched.vector_options import (
     batch_info,
@@ -73,7 +73,7 @@ class RobotVectorEnv(_BaseEnv):
         autoreset_mode: what happens to environments whose episode has ended, see Gymnasium's
             ``AutoresetMode``: "NextStep" (the default), "SameStep" or "Disabled".
         render_envs: which environments ``render`` draws; by default the first four.
-        threads: most threads to use; by default one for each processor. Results are the same.
+        threads: maximum number of threads; by default one for each core. Results are the same.
 
     Raises:
         OptionError: an unknown mode, or a count that is not a positive integer.
@@ -125,8 +125,8 @@ class RobotVectorEnv(_BaseEnv):
 
         chosen = default_body(self.task, n) if body is None else body
         bodies = check_bodies(chosen, self.task, n, check_mask(None, self.num_envs))
-        workers = default_threads() if threads is None else check_count(threads, "threads")
-        self._batch = RunBatch(self.settings, self.num_envs, workers)
+        workers = None if threads is None else check_count(threads, "threads")
+        self._batch = EpisodeBatch(self.settings, self.num_envs, workers)
         self._bodies = np.zeros((self.num_envs, n, n), dtype=np.int8)
         self._sensor_masks = np.zeros(self._bodies.shape, dtype=np.bool_)
         self._wheel_masks = np.zeros(self._bodies.shape, dtype=np.bool_)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -16,7 +14,7 @@ from ncrs.engines import batched
 from ncrs.engines.base import EvaluationInterrupted, NonFiniteStateWarning
 from ncrs.engines.batched import BatchedEngine
 from ncrs.engines.box2d import Box2DEngine
-from ncrs.engines.nca_kernels import RUN_TILE
+from ncrs.engines.nca_kernels import EPISODE_TILE
 from ncrs_envs.scenario import sample_scenarios
 from ncrs_envs.tasks import TaskSettings
 
@@ -26,8 +24,8 @@ def settings():
     return TaskSettings("light_chase")
 
 
-def test_runs_that_do_not_fill_a_tile_change_nothing(settings, full_genome):
-    scenarios = sample_scenarios("light_chase", 2, 2 * RUN_TILE + 1)
+def test_episodes_that_do_not_fill_a_tile_change_nothing(settings, full_genome):
+    scenarios = sample_scenarios("light_chase", 2, 2 * EPISODE_TILE + 1)
     with BatchedEngine(settings, 1) as engine:
         together = engine.evaluate(full_genome, scenarios).episode_fitness[0]
         alone = [engine.evaluate(full_genome, [s]).episode_fitness[0, 0] for s in scenarios]
@@ -35,7 +33,7 @@ def test_runs_that_do_not_fill_a_tile_change_nothing(settings, full_genome):
     assert np.ptp(together) > 0.01
 
 
-def test_follows_box2d_run_by_run(settings, genomes, full_genome):
+def test_follows_box2d_episode_by_episode(settings, genomes, full_genome):
     vectors = full_genome + 0.1 * genomes(12, seed=4)
     scenarios = sample_scenarios("light_chase", 3, 4)
     with BatchedEngine(settings, 2) as fast, Box2DEngine(settings, 1) as reference:
@@ -90,17 +88,3 @@ def test_compilation_is_announced_when_it_takes_long_and_only_then(monkeypatch, 
     with caplog.at_level(logging.WARNING), batched._compilation_notice():
         pass
     assert caplog.text == ""
-
-
-def test_without_numba_the_error_names_the_other_engine():
-    code = (
-        "import sys; sys.modules['numba'] = sys.modules['llvmlite'] = None\n"
-        "import ncrs.engines.evaluate, ncrs.engines\n"
-        "try:\n"
-        "    ncrs.engines.make_engine('batched', None)\n"
-        "except ImportError as error:\n"
-        "    print(error)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "pip install numba" in done.stdout
-    assert "engine='box2d'" in done.stdout

@@ -17,9 +17,9 @@ from ncrs.automaton.nca import NCA
 from ncrs.engines.nca_kernels import (
     CHANGING_CHANNELS,
     CONTROL_LANES,
+    EPISODE_TILE,
     GROWTH_LANES,
     IO_LANE,
-    RUN_TILE,
     control_constants,
     control_step,
     grow_body,
@@ -77,19 +77,19 @@ def _body(network, layout, grid_size: int) -> np.ndarray:
 
 
 class KernelController:
-    """Drives ``runs`` robots of one body with the kernels; runs differ only in what they sense."""
+    """Drives ``episodes`` robots of one body with the kernels; they sense different things."""
 
-    def __init__(self, network, layout, body: np.ndarray, runs: int) -> None:
+    def __init__(self, network, layout, body: np.ndarray, episodes: int) -> None:
         codes = np.array(layout.part_codes, dtype=np.int8)
         self._network = network
         self._constants = control_constants(network, codes, body)
         self._graph = link_cells(body, layout.channels, layout.changing_channels.start)
         self._occupied = body != 0
         self._sensors = sensor_mask(body)[self._occupied]
-        self.states = np.zeros((self._occupied.sum(), runs, CONTROL_LANES), dtype=np.float32)
+        self.states = np.zeros((self._occupied.sum(), episodes, CONTROL_LANES), dtype=np.float32)
 
     def act(self, sensed: np.ndarray) -> np.ndarray:
-        """Sensor values ``(runs, n, n)`` to the input/output channel of cells ``(cells, runs)``."""
+        """Sensor values ``(episodes, n, n)`` to the gas of cells ``(cells, episodes)``."""
         for _ in range(STEPS_PER_ACTION):
             values = sensed[:, self._occupied].T
             self.states[self._sensors, :, IO_LANE] = values[self._sensors]
@@ -98,9 +98,8 @@ class KernelController:
                 self._network,
                 self._constants,
                 self._graph,
-                self.states.shape[1],
-                self.states.reshape(-1),
-                updated.reshape(-1),
+                self.states,
+                updated,
             )
             self.states = updated
         return self.states[:, :, IO_LANE]
@@ -127,15 +126,17 @@ def test_control_follows_the_published_runs(recording):
     for genome in valid:
         record = recording.records[genome]
         body = record["body"].astype(np.int8)
-        controller = KernelController(network_of(control, genome), recording.layout, body, RUN_TILE)
+        controller = KernelController(
+            network_of(control, genome), recording.layout, body, EPISODE_TILE
+        )
         wheels = wheel_mask(body)[body != 0]
         for step, values in enumerate(record["sensor_inputs"]):
-            sensed = np.zeros((RUN_TILE, *body.shape), dtype=np.float32)
+            sensed = np.zeros((EPISODE_TILE, *body.shape), dtype=np.float32)
             sensed[:, sensor_mask(body)] = values
             gas = controller.act(sensed)
             expected = record["control_states"][step][body != 0][:, None, changing]
             states = controller.states[..., :CHANGING_CHANNELS]
-            np.testing.assert_allclose(states, np.repeat(expected, RUN_TILE, 1), atol=5e-3)
+            np.testing.assert_allclose(states, np.repeat(expected, EPISODE_TILE, 1), atol=5e-3)
             np.testing.assert_allclose(gas[wheels, 0], record["wheel_outputs"][step], atol=5e-3)
 
 
@@ -158,19 +159,21 @@ def test_growth_equals_the_torch_module_on_other_grids(task, grid_size):
 
 
 @pytest.mark.parametrize("task", ["light_chase", "carry_ball"])
-def test_control_equals_the_torch_module_run_by_run(task):
-    """A body with holes and a disconnected cell, on a grid that is not 5 x 5; runs differ."""
+def test_control_equals_the_torch_module_episode_by_episode(task):
+    """A body with holes and a disconnected cell, on a grid that is not 5 x 5; episodes differ."""
     layout = nca_layout(task)
     rng = np.random.default_rng(7)
     body = rng.choice((0, *layout.part_codes), size=(6, 6)).astype(np.int8)
     body[:, 4] = 0
     genomes = (0.1 * rng.standard_normal((3, layout.num_parameters))).astype(np.float32)
     _, control = pack_genomes(genomes, layout)
-    runs = 2 * RUN_TILE
-    reference = Controller(NCA(task).set_genome(genomes[1]), np.broadcast_to(body, (runs, 6, 6)))
-    controller = KernelController(network_of(control, 1), layout, body, runs)
+    episodes = 2 * EPISODE_TILE
+    reference = Controller(
+        NCA(task).set_genome(genomes[1]), np.broadcast_to(body, (episodes, 6, 6))
+    )
+    controller = KernelController(network_of(control, 1), layout, body, episodes)
     for _ in range(8):
-        sensed = rng.random((runs, 6, 6), dtype=np.float32) * sensor_mask(body)
+        sensed = rng.random((episodes, 6, 6), dtype=np.float32) * sensor_mask(body)
         expected = reference.act(sensed)
         gas = controller.act(sensed)[wheel_mask(body)[body != 0]]
         np.testing.assert_allclose(gas.T, expected[:, wheel_mask(body)], atol=2e-3)
@@ -181,18 +184,18 @@ def test_control_equals_the_torch_module_run_by_run(task):
     assert np.ptp(gas, axis=1).max() > 0.01
 
 
-def test_a_run_does_not_depend_on_its_place_among_the_runs():
+def test_an_episode_does_not_depend_on_its_place_among_the_others():
     layout = nca_layout("light_chase")
     rng = np.random.default_rng(3)
     body = rng.choice((0, *layout.part_codes), size=(5, 5)).astype(np.int8)
     genome = (0.1 * rng.standard_normal((1, layout.num_parameters))).astype(np.float32)
     network = network_of(pack_genomes(genome, layout)[1], 0)
-    runs = 2 * RUN_TILE
-    order = rng.permutation(runs)
-    plain = KernelController(network, layout, body, runs)
-    shuffled = KernelController(network, layout, body, runs)
+    episodes = 2 * EPISODE_TILE
+    order = rng.permutation(episodes)
+    plain = KernelController(network, layout, body, episodes)
+    shuffled = KernelController(network, layout, body, episodes)
     for _ in range(5):
-        sensed = rng.random((runs, 5, 5), dtype=np.float32)
+        sensed = rng.random((episodes, 5, 5), dtype=np.float32)
         np.testing.assert_array_equal(shuffled.act(sensed[order]), plain.act(sensed)[:, order])
 
 

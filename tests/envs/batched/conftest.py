@@ -1,4 +1,4 @@
-"""Helpers for the tests of the batched simulator: one run at a time, on its kernels."""
+"""Helpers for the tests of the batched simulator: one episode at a time, on its kernels."""
 
 from __future__ import annotations
 
@@ -11,19 +11,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ncrs_envs.batched import layout
+from ncrs_envs.batched.dtypes import records
 from ncrs_envs.batched.dynamics import grid_center
-from ncrs_envs.batched.layout import STATE_SIZE, STATE_SUCCESS, STATE_TOUCHED
-from ncrs_envs.batched.manifolds import scratch_size
-from ncrs_envs.batched.records import robot_arrays, scenario_arrays, settings_array
-from ncrs_envs.batched.simulate import reset_run, step_run
+from ncrs_envs.batched.layout import State
+from ncrs_envs.batched.records import single_world
+from ncrs_envs.batched.simulate import reset_episode, step_episode
 from ncrs_envs.body import cell_centers, parse_body
 from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 
-class BatchedRun:
+class BatchedEpisode:
     """One robot in one scenario, with the face of an ``Episode``."""
 
     def __init__(
@@ -31,40 +30,37 @@ class BatchedRun:
     ) -> None:
         self.body = parse_body(body)
         n = self.body.shape[0]
-        self.settings = settings_array(TaskSettings(task, n, score))
-        robots, cells = robot_arrays(self.body[None])
-        self.robot, self.cells = robots[0], cells[0]
-        self.scenario = scenario_arrays([scenario], n)[0]
-        self.state = np.zeros(STATE_SIZE)
+        self.world = single_world(TaskSettings(task, n, score), self.body, scenario)
+        self.spoil(np.nan, -1)
+        self.state = records(State, 1)[0]
         self.observation = np.zeros(n * n, dtype=np.float32)
-        self.scratch = np.full(scratch_size(n), np.nan)
-        reset_run(
-            self.settings, self.robot, self.cells, self.scenario, self.state, self.observation
-        )
+        reset_episode(self.world, self.state, self.observation)
+
+    @property
+    def robot(self) -> Any:
+        return self.world.robot
+
+    def spoil(self, number: float, integer: int) -> None:
+        """Write into all of the room that the solver has."""
+        for room in (self.world.contacts, self.world.corners):
+            for name in room.dtype.names or ():
+                room[name] = number if room[name].dtype.kind == "f" else integer
 
     def step(self, action: NDArray[Any]) -> float:
-        return step_run(
-            self.settings,
-            self.robot,
-            self.cells,
-            self.scenario,
-            self.state,
-            self.scratch,
-            np.ascontiguousarray(action, dtype=np.float32).reshape(-1),
-            self.observation,
-        )
+        flat = np.ascontiguousarray(action, dtype=np.float32).reshape(-1)
+        return step_episode(self.world, self.state, flat, self.observation)
 
     @property
     def center(self) -> tuple[float, float]:
-        return grid_center(self.robot, self.state)
+        return grid_center(self.world.robot, self.state)
 
     @property
     def touching(self) -> bool:
-        return bool(self.state[STATE_TOUCHED])
+        return bool(self.state.touched)
 
     @property
     def success(self) -> bool:
-        return bool(self.state[STATE_SUCCESS])
+        return bool(self.state.success)
 
 
 @dataclass
@@ -92,8 +88,8 @@ def steer(episode: Episode, noise: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 @pytest.fixture
-def batched_run() -> type[BatchedRun]:
-    return BatchedRun
+def batched_episode() -> type[BatchedEpisode]:
+    return BatchedEpisode
 
 
 @pytest.fixture
@@ -109,7 +105,7 @@ def compare() -> Callable[..., Comparison]:
     ) -> Comparison:
         n = body.shape[0]
         episode = Episode(TaskSettings(task, n), Robot(body), scenario)
-        batched = BatchedRun(task, body, scenario)
+        batched = BatchedEpisode(task, body, scenario)
         rewards, touched, gap = [], False, 0.0
         noise = np.repeat(rng.normal(0.0, 0.3, (MAX_EPISODE_STEPS // 10, n, n)), 10, axis=0)
         for step in range(MAX_EPISODE_STEPS):
@@ -133,14 +129,13 @@ def compare() -> Callable[..., Comparison]:
 
 
 @pytest.fixture
-def kinetic_energy() -> Callable[[BatchedRun], float]:
+def kinetic_energy() -> Callable[[BatchedEpisode], float]:
     """Energy of a robot's motion."""
 
-    def energy(run: BatchedRun) -> float:
-        v_x, v_y, omega = run.state[layout.STATE_VX : layout.STATE_OMEGA + 1]
-        mass = 1.0 / run.robot[layout.ROBOT_INVERSE_MASS]
-        inertia = 1.0 / run.robot[layout.ROBOT_INVERSE_INERTIA]
-        return float(0.5 * (mass * (v_x**2 + v_y**2) + inertia * omega**2))
+    def energy(episode: BatchedEpisode) -> float:
+        state, robot = episode.state, episode.robot
+        mass, inertia = 1.0 / robot.inverse_mass, 1.0 / robot.inverse_inertia
+        return float(0.5 * (mass * (state.vx**2 + state.vy**2) + inertia * state.omega**2))
 
     return energy
 

@@ -1,10 +1,9 @@
-"""Scenarios drawn for many runs at once are the ones that are drawn one by one."""
+"""Scenarios drawn for many episodes at once are the ones that are drawn one by one."""
 
 import numpy as np
 import pytest
 
-from ncrs_envs.batched import layout
-from ncrs_envs.batched.records import scenario_arrays
+from ncrs_envs.batched.records import scenario_records
 from ncrs_envs.batched.scenario_table import ScenarioTable
 from ncrs_envs.scenario import sample_scenario
 from ncrs_envs.tasks import get_task
@@ -31,17 +30,16 @@ def test_equal_bit_by_bit(task, grid_size):
         ]
         assert [table[i] for i in range(count)] == expected
         assert [table.start(i) for i in range(count)] == [s.start for s in expected]
-        rows, header = scenario_arrays(expected, grid_size), layout.SCENARIO_HEADER
-        assert np.array_equal(table.records[:, :header], rows[:, :header], equal_nan=True)
-        for record, row in zip(table.records, rows, strict=True):
-            for i in range(int(row[layout.SCENARIO_QUADS])):
-                quad = layout.SCENARIO_HEADER + layout.QUAD_SIZE * i
-                corners = int(row[quad + layout.QUAD_CORNERS])
-                # A triangle leaves the places of a fourth corner as they were.
-                for first, size in (
-                    (0, layout.QUAD_POINTS),
-                    (layout.QUAD_POINTS, 2 * corners),
-                    (layout.QUAD_EDGES, 3 * corners),
-                ):
-                    part = slice(quad + first, quad + first + size)
-                    assert np.array_equal(record[part], row[part])
+        rows = scenario_records(expected, grid_size)
+        for name in rows.scenarios.dtype.names:
+            found, wanted = table.records.scenarios[name], rows.scenarios[name]
+            assert np.array_equal(found, wanted, equal_nan=True)
+        for i in range(count):
+            for j in range(rows.scenarios[i].quad_count):
+                found, wanted = table.records.quads[i, j], rows.quads[i, j]
+                for name in ("low_x", "high_x", "low_y", "high_y", "corner_count"):
+                    assert found[name] == wanted[name]
+                # A triangle leaves the place of a fourth corner as it was.
+                corners = wanted.corner_count
+                assert np.array_equal(found.corners[:corners], wanted.corners[:corners])
+                assert np.array_equal(found.edges[:corners], wanted.edges[:corners])

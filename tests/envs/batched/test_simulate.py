@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from ncrs_envs import Scenario, sample_scenario
-from ncrs_envs.batched import layout
 from ncrs_envs.body import parse_body
 from ncrs_envs.physics import wheel_model
 from ncrs_envs.tasks import get_task
@@ -63,51 +62,51 @@ def test_contact(compare, random_body, rng, task):
     assert np.mean([r.box2d_success == r.batched_success for r in results]) >= 0.95
 
 
-def test_touching_is_reported_as_by_box2d(batched_run):
-    run = batched_run("light_chase", ["L#L", "W#W", "W#W"], Scenario((0, 0), light=(0, 10)))
+def test_touching_is_reported_as_by_box2d(batched_episode):
+    episode = batched_episode("light_chase", ["L#L", "W#W", "W#W"], Scenario((0, 0), light=(0, 10)))
     seen = []
     for _ in range(40):
-        run.step(np.ones((3, 3)))
-        seen.append(run.touching)
+        episode.step(np.ones((3, 3)))
+        seen.append(episode.touching)
     assert not any(seen[:8])
     assert all(seen[30:])
 
 
 @pytest.mark.parametrize("score", ["exponential", "inverse_square"])
-def test_rewards_and_sensors_follow_the_distances(batched_run, score):
+def test_rewards_and_sensors_follow_the_distances(batched_episode, score):
     scenario = Scenario(start=(0.0, -20.0), ball=(5.0, 10.0), target=(-12.0, 30.0))
-    run = batched_run("carry_ball", ["LTL", "W#W", "W#W"], scenario, score)
+    episode = batched_episode("carry_ball", ["LTL", "W#W", "W#W"], scenario, score)
 
     def value(distance):
         return np.exp(-distance / 50) if score == "exponential" else (distance / 50 + 1) ** -2
 
     for _ in range(5):
-        reward = run.step(np.zeros((3, 3)))
+        reward = episode.step(np.zeros((3, 3)))
     to_ball, to_target = np.hypot(5.0, 30.0), np.hypot(17.0, 20.0)
     assert reward == pytest.approx(0.5 * (value(to_ball) + value(to_target)), abs=1e-12)
     expected = np.zeros(9)
     expected[0] = value(np.hypot(7.0, 28.0))
     expected[1] = value(np.hypot(12.0, 48.0))
     expected[2] = value(np.hypot(3.0, 28.0))
-    assert np.allclose(run.observation, expected, rtol=0, atol=1e-7)
+    assert np.allclose(episode.observation, expected, rtol=0, atol=1e-7)
 
 
-def test_a_run_depends_on_nothing_but_its_inputs(batched_run, rng):
-    """Not on what the scratch array holds, nor on the dtype of actions that float32 can hold."""
+def test_an_episode_depends_on_nothing_but_its_inputs(batched_episode, rng):
+    """Not on what the solver's room holds, nor on the dtype of actions that float32 can hold."""
     scenario = sample_scenario("obstacle", rng)
     actions = rng.uniform(-0.2, 1.0, (100, 5, 5)).astype(np.float32)
     body = ["L###L", "W###W", "W###W", "#####", "W###W"]
     states = []
-    for fill in (0.0, np.nan, 1e300):
-        run = batched_run("obstacle", body, scenario)
+    for spoiled in ((0.0, 0), (np.nan, -1), (1e300, 7)):
+        episode = batched_episode("obstacle", body, scenario)
         for action in actions:
-            run.scratch[:] = fill
-            run.step(action)
-        states.append(run.state.tobytes())
+            episode.spoil(*spoiled)
+            episode.step(action)
+        states.append(episode.state.tobytes())
     assert len(set(states)) == 1
 
 
-def test_non_finite_states_show_in_the_reward(batched_run):
-    run = batched_run("light_chase", ["L#L", "W#W", "W#W"], Scenario((0, 0), light=(0, 30)))
-    run.state[layout.STATE_VX] = np.nan
-    assert np.isnan(run.step(np.zeros((3, 3))))
+def test_non_finite_states_show_in_the_reward(batched_episode):
+    episode = batched_episode("light_chase", ["L#L", "W#W", "W#W"], Scenario((0, 0), light=(0, 30)))
+    episode.state.vx = np.nan
+    assert np.isnan(episode.step(np.zeros((3, 3))))

@@ -1,0 +1,72 @@
+"""Records: numpy structured dtypes that follow from annotated classes.
+
+A class derived from ``Record`` declares the fields of a structured dtype once::
+
+    class Point(Record):
+        x: float
+        y: float
+
+    class Quad(Record):
+        corner_count: int
+        corners: Annotated[NDArray[Point], 4]
+
+``records(Quad, 10)`` is then an array of ten quads, whose items have the fields as attributes: in
+Python, in kernels on the CPU and, since fields are aligned, in kernels on GPUs.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+
+    class _Base(np.generic):  # numpy declares that np.record has any attribute one asks for
+        def __new__(cls) -> _Base: ...
+
+else:
+    _Base = np.record
+
+_SCALARS: dict[Any, type[np.generic]] = {float: np.float64, int: np.int64, bool: np.bool_}
+
+
+class Record(_Base):
+    """Base of the classes that declare records; instances are items of arrays of ``dtype_of``.
+
+    Fields are ``float``, ``int`` or ``bool``, or arrays of a fixed shape:
+    ``Annotated[NDArray[kind], shape]``, where the kind is a numpy scalar or a record.
+    """
+
+
+RecordType = TypeVar("RecordType", bound=Record)
+
+
+@cache
+def dtype_of(kind: Any) -> np.dtype[Any]:
+    """The structured dtype that a record class declares, aligned as a C compiler would."""
+    hints = get_type_hints(kind, include_extras=True)
+    fields: list[Any] = [(name, *_field(hint)) for name, hint in hints.items()]
+    return np.dtype((kind, np.dtype(fields, align=True)))
+
+
+def _field(hint: Any) -> tuple[Any, ...]:
+    """The dtype of a field, and its shape if it is an array."""
+    if get_origin(hint) is Annotated:
+        array, shape = get_args(hint)
+        (item,) = get_args(get_args(array)[1])
+        return (dtype_of(item) if issubclass(item, Record) else item, shape)
+    return (_SCALARS[hint],)
+
+
+def records(kind: type[RecordType], *shape: int) -> NDArray[RecordType]:
+    """A new array of records whose fields are all 0."""
+    dtype: np.dtype[RecordType] = dtype_of(kind)  # type: ignore[arg-type] # it is hashable
+    return np.zeros(shape, dtype)
+
+
+def column(array: NDArray[Any], field: str) -> NDArray[Any]:
+    """A copy of one field of all records."""
+    return np.array(array[field])

@@ -1,0 +1,192 @@
+"""Many episodes of one task side by side, each with its own robot and scenario, on threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs_envs.batched.compiler import kernel
+from ncrs_envs.batched.dtypes import Record, column, records
+from ncrs_envs.batched.dynamics import grid_center
+from ncrs_envs.batched.layout import State, World, Worlds, make_robots, make_scratch
+from ncrs_envs.batched.records import robot_records, settings_record
+from ncrs_envs.batched.scenario_table import Indices, ScenarioTable
+from ncrs_envs.batched.sensing import distances
+from ncrs_envs.batched.simulate import reset_episode, step_episode, world_at
+from ncrs_envs.cores import available_cores
+from ncrs_envs.tasks import TaskSettings
+
+_MIN_SHARE = 64
+"""Episodes that are worth handing to another thread."""
+
+
+class Reading(Record):
+    """Pose of the grid's centre and distances of one episode."""
+
+    x: float
+    y: float
+    angle: float
+    to_goal: float
+    to_target: float
+
+
+class _Episodes(NamedTuple):
+    """What changes in steps, the first axis of every array an episode."""
+
+    states: NDArray[State]
+    observations: NDArray[np.float32]
+    readings: NDArray[Reading]
+
+
+class _Step(NamedTuple):
+    """One step of all episodes: what goes in, and the rewards that come out."""
+
+    actions: NDArray[np.float32]
+    is_running: NDArray[np.bool_]
+    rewards: NDArray[np.float64]
+
+
+@kernel
+def _start_episodes(worlds: Worlds, episodes: _Episodes, chosen: Indices) -> None:
+    for episode in chosen:
+        world = world_at(worlds, episode, episode)
+        reset_episode(world, episodes.states[episode], episodes.observations[episode])
+        _read(world, episodes.states[episode], episodes.readings[episode])
+
+
+@kernel
+def _step_episodes(worlds: Worlds, episodes: _Episodes, step: _Step, first: int, last: int) -> None:
+    for episode in range(first, last):
+        if not step.is_running[episode]:
+            step.rewards[episode] = 0.0
+            continue
+        world = world_at(worlds, episode, episode)
+        state: State = episodes.states[episode]
+        step.rewards[episode] = step_episode(
+            world, state, step.actions[episode], episodes.observations[episode]
+        )
+        _read(world, state, episodes.readings[episode])
+
+
+@kernel
+def _read(world: World, state: State, reading: Reading) -> None:
+    reading.x, reading.y = grid_center(world.robot, state)
+    reading.angle = state.angle
+    reading.to_goal, reading.to_target = distances(world, state)
+
+
+class EpisodeBatch:
+    """Robots, scenarios and states of ``count`` episodes.
+
+    Args:
+        settings: the task and its settings.
+        count: number of episodes.
+        threads: maximum number of threads to step them on; None for one per core that this process
+            may use. Results do not depend on it.
+
+    Attributes:
+        scenarios: the scenario of each episode.
+        observations: sensor values after the last step, float32 ``(count, n * n)``.
+    """
+
+    def __init__(self, settings: TaskSettings, count: int, threads: int | None) -> None:
+        n = settings.grid_size
+        self.count = count
+        self._task = settings.task
+        self._settings = settings_record(settings)
+        self._robots = make_robots(count, n)
+        self.scenarios = ScenarioTable(settings.task, count, n)
+        self.observations = np.zeros((count, n * n), dtype=np.float32)
+        self._episodes = _Episodes(
+            records(State, count), self.observations, records(Reading, count)
+        )
+        threads = available_cores() if threads is None else threads
+        shares = max(1, min(threads, count // _MIN_SHARE))
+        self._bounds = np.linspace(0, count, shares + 1).astype(int).tolist()
+        self._scratch = [make_scratch(n) for _ in range(shares)]
+        self._pool = ThreadPoolExecutor(shares - 1, "ncrs-envs") if shares > 1 else None
+
+    def _worlds(self, share: int) -> Worlds:
+        return Worlds(self._settings, self._robots, self.scenarios.records, self._scratch[share])
+
+    def set_bodies(self, episodes: Indices, bodies: NDArray[np.int8]) -> None:
+        """Give episodes their robots.
+
+        Args:
+            episodes: which episodes.
+            bodies: valid cell codes, shape ``(len(episodes), n, n)``, or ``(1, n, n)`` if all are
+                alike.
+        """
+        for array, chosen in zip(self._robots, robot_records(bodies), strict=True):
+            array[episodes] = chosen
+
+    def start(self, episodes: Indices) -> None:
+        """Begin new episodes with the scenarios that the table holds for them."""
+        _start_episodes(self._worlds(0), self._episodes, episodes)
+
+    def step(
+        self, actions: NDArray[np.float32], is_running: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Advance episodes by one step.
+
+        Args:
+            actions: finite gas per cell, shape ``(count, n * n)``.
+            is_running: which episodes to advance, shape ``(count,)``; the others stay as they are.
+
+        Returns:
+            Rewards, shape ``(count,)``, 0 for the others.
+        """
+        step = _Step(actions, is_running, np.empty(self.count))
+
+        def work(share: int) -> None:
+            first, last = self._bounds[share], self._bounds[share + 1]
+            _step_episodes(self._worlds(share), self._episodes, step, first, last)
+
+        self._spread(work)
+        return step.rewards
+
+    def _spread(self, work: Callable[[int], None]) -> None:
+        """Call ``work`` for each share of the episodes, the first of them on this thread."""
+        others = range(1, len(self._bounds) - 1)
+        futures = [] if self._pool is None else [self._pool.submit(work, i) for i in others]
+        work(0)
+        for future in futures:
+            future.result()
+
+    def close(self) -> None:
+        """End the threads; the batch cannot be stepped afterwards."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """Grid centres and headings: x, y, angle in radians, shape ``(count, 3)``, a copy."""
+        readings = self._episodes.readings
+        return np.stack([column(readings, name) for name in ("x", "y", "angle")], axis=1)
+
+    @property
+    def success(self) -> NDArray[np.bool_]:
+        """Which episodes have succeeded, shape ``(count,)``, a copy."""
+        return column(self._episodes.states, "success")
+
+    def infos(self) -> dict[str, NDArray[Any]]:
+        """What changes in the single environments' infos, batched; new arrays."""
+        infos: dict[str, NDArray[Any]] = {"pose": self.poses, "success": self.success}
+        to_goal = column(self._episodes.readings, "to_goal")
+        if self._task.has_ball:
+            to_target = column(self._episodes.readings, "to_target")
+            infos |= {"distance_to_ball": to_goal, "ball_to_target": to_target}
+        else:
+            infos["distance"] = to_goal
+        if self._task.has_walls:
+            infos["crossed"] = column(self._episodes.states, "crossed")
+        return infos
+
+    def ball(self, episode: int) -> tuple[float, float]:
+        """Where an episode's ball is."""
+        state: State = self._episodes.states[episode]
+        return float(state.ball_x), float(state.ball_y)
