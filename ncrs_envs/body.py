@@ -1,6 +1,6 @@
 """Robot bodies: the cell encoding, parsing of user input, and mass properties.
 
-Source: paper section 4 (bodies) and the published runs' densities.
+Source: paper section 4 (bodies); the densities are those of the published runs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BodyGrid = NDArray[np.int8]
 
 
 class Cell(IntEnum):
-    """What one grid cell of a body is made of."""
+    """Content of one grid cell of a body."""
 
     EMPTY = 0
     TISSUE = 1
@@ -31,7 +31,7 @@ class Cell(IntEnum):
 
     @property
     def label(self) -> str:
-        """Name for people, such as "light sensor"; ``Task.cell_label`` knows the task too."""
+        """Name for display, such as "light sensor"; see also ``Task.cell_label``."""
         return self.name.lower().replace("_", " ")
 
 
@@ -57,7 +57,7 @@ CELL_CHARACTERS: Mapping[str, Cell] = {
     "T": Cell.TARGET_SENSOR,
     "W": Cell.WHEEL,
 }
-"""The characters in which a body can be written, one string a row."""
+"""Characters in which a body can be written, one string per row."""
 
 SENSOR_CELLS = (Cell.LIGHT_SENSOR, Cell.TARGET_SENSOR)
 
@@ -67,7 +67,11 @@ class BodyError(NCRSError, ValueError):
 
 
 def check_grid_size(grid_size: Any) -> int:
-    """Return ``grid_size`` as an int, or raise ``BodyError`` if it is not an integer >= 3."""
+    """Return ``grid_size`` as an int.
+
+    Raises:
+        BodyError: ``grid_size`` is not an integer of at least 3.
+    """
     if isinstance(grid_size, bool) or not isinstance(grid_size, int | np.integer):
         raise BodyError(
             f"grid_size must be an integer of at least {MIN_GRID_SIZE}, got {grid_size!r} "
@@ -79,19 +83,19 @@ def check_grid_size(grid_size: Any) -> int:
 
 
 def parse_body(body: Any, grid_size: int | None = None) -> BodyGrid:
-    """Turn user input into a body grid.
+    """Convert user input to a body grid.
 
     Args:
-        body: an integer array or nested list of ``Cell`` codes, shape ``(n, n)``, or ``n`` rows of
+        body: Integer array or nested list of ``Cell`` codes, shape ``(n, n)``, or ``n`` rows of
             characters (``.`` empty, ``#`` tissue, ``L`` light sensor, ``T`` target sensor,
             ``W`` wheel), as a sequence of strings or one string with line breaks.
-        grid_size: the ``n`` that is required, or None for any ``n >= 3``.
+        grid_size: Required side ``n`` of the grid; None for any ``n >= 3``.
 
     Returns:
         A new, read-only int8 array of shape ``(n, n)``; row 0 is the front of the robot.
 
     Raises:
-        BodyError: wrong rank, size, dtype, code or character.
+        BodyError: ``body`` has the wrong rank, size or dtype, or an unknown code or character.
     """
     if isinstance(body, str):
         body = body.split()
@@ -143,36 +147,50 @@ def _from_characters(rows: Sequence[str]) -> list[list[int]]:
 
 
 def body_to_characters(body: BodyGrid) -> str:
-    """The body as lines of characters, row 0 (the front) first; inverse of ``parse_body``."""
+    """Write a body as lines of characters, row 0 (the front) first; inverse of ``parse_body``."""
     characters = {int(cell): c for c, cell in CELL_CHARACTERS.items()}
     return "\n".join("".join(characters[int(code)] for code in row) for row in body)
 
 
 def sensor_mask(bodies: NDArray[Any]) -> NDArray[np.bool_]:
-    """True in sensor cells of either kind; any leading axes."""
+    """Mark sensor cells of either kind.
+
+    Args:
+        bodies: Cell codes, any shape.
+
+    Returns:
+        True in sensor cells; bool, same shape.
+    """
     return np.asarray((bodies == Cell.LIGHT_SENSOR) | (bodies == Cell.TARGET_SENSOR))
 
 
 def wheel_mask(bodies: NDArray[Any]) -> NDArray[np.bool_]:
-    """True in wheel cells; any leading axes."""
+    """Mark wheel cells.
+
+    Args:
+        bodies: Cell codes, any shape.
+
+    Returns:
+        True in wheel cells; bool, same shape.
+    """
     return np.asarray(bodies == Cell.WHEEL)
 
 
 def body_measures(bodies: NDArray[Any]) -> NDArray[np.int64]:
-    """The archive's coordinates: ``(sensors of all types, wheels, occupied cells)``.
+    """Count sensors, wheels and cells, the coordinates of the archive.
 
     Args:
-        bodies: cell codes, shape ``(..., n, n)``.
+        bodies: Cell codes, shape ``(..., n, n)``.
 
     Returns:
-        int64, shape ``(..., 3)``.
+        Sensors of all types, wheels, occupied cells; int64, shape ``(..., 3)``.
     """
     counts = [sensor_mask(bodies), wheel_mask(bodies), np.asarray(bodies != Cell.EMPTY)]
     return np.stack([mask.sum(axis=(-2, -1), dtype=np.int64) for mask in counts], axis=-1)
 
 
 def cell_centers(grid_size: int) -> NDArray[np.float64]:
-    """Cell centres in the body frame, shape ``(n, n, 2)``: x to the right, y forward (row 0)."""
+    """Compute cell centres, shape ``(n, n, 2)``: x to the right, y forward (row 0), body frame."""
     offsets = (np.arange(grid_size) - (grid_size - 1) / 2) * CELL_SIZE
     centers = np.empty((grid_size, grid_size, 2))
     centers[..., 0] = offsets[None, :]
@@ -190,13 +208,13 @@ class MassProperties:
 
 
 def mass_properties(body: BodyGrid) -> MassProperties:
-    """Mass properties of the rigid body that all occupied cells form together.
+    """Compute the mass properties of the rigid body that all occupied cells form.
 
     Each cell is a solid square: mass ``density * side^2`` and inertia ``mass * side^2 / 6`` about
     its own centre, moved to the common centre by the parallel-axis theorem.
 
     Raises:
-        BodyError: the body has no cells.
+        BodyError: All cells are empty.
     """
     density = np.array([CELL_DENSITY[cell] for cell in Cell])
     masses = density[body] * CELL_SIZE**2

@@ -1,8 +1,8 @@
 """One robot and its scenario as a Box2D world: build, step, read poses. No task rules here.
 
 The robot is one rigid body with a square fixture per cell: in the jointed construction of the
-published runs every joint is locked, so the motion is the same. A world is built anew for every
-episode, since a reused one keeps its contact order and is not deterministic.
+published runs every joint is locked, so the motion is the same. Every episode gets a new world,
+since a reused one keeps its contact order and is not deterministic.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class RobotWorld:
     """A Box2D world with one robot.
 
     Args:
-        body: cell codes, shape ``(n, n)``, already valid.
-        wheels: the body's wheel model.
-        scenario: placements, already checked.
+        body: Cell codes of a valid body, shape ``(n, n)``.
+        wheels: Wheel model of the body.
+        scenario: Placements that fit the task.
     """
 
     def __init__(self, body: BodyGrid, wheels: WheelModel, scenario: Scenario) -> None:
@@ -75,7 +75,7 @@ class RobotWorld:
         """Advance one physics step of ``DT`` seconds.
 
         Args:
-            gas: one value in [-1, 1] per wheel in row order, shape ``(wheels,)``.
+            gas: One value in [-1, 1] per wheel in row order, shape ``(wheels,)``.
         """
         robot = self._robot
         cos, sin = math.cos(robot.angle), math.sin(robot.angle)
@@ -103,7 +103,7 @@ class RobotWorld:
 
     @property
     def ball(self) -> tuple[float, float] | None:
-        """Ball centre in world units, or None in worlds without one."""
+        """Ball centre in world units; None in worlds without a ball."""
         if self._ball is None:
             return None
         x, y = self._ball.position
@@ -111,7 +111,7 @@ class RobotWorld:
 
     @property
     def touching(self) -> bool:
-        """Whether the robot touches the light, the ball or a wall after the last step."""
+        """True if the robot touches the light, the ball or a wall after the last step."""
         return any(edge.contact.touching for edge in self._robot.contacts)
 
 
@@ -125,8 +125,10 @@ def _fixture(shape: Box2D.b2Shape, density: float) -> Box2D.b2FixtureDef:
 
 
 def _solid_quads(scenario: Scenario, grid_size: int) -> Iterator[list[tuple[float, float]]]:
-    """The wall quads that Box2D accepts: it merges vertices that nearly coincide and needs three
-    that remain, so flat quads are left out."""
+    """Yield the wall quads that Box2D accepts, leaving out flat ones.
+
+    Box2D merges vertices that nearly coincide, and needs at least three.
+    """
     for quad in wall_quads(scenario, grid_size):
         height, width = np.ptp(quad[:, 1]), np.ptp(quad[:, 0])
         if min(height, width) > MIN_QUAD_SIDE:

@@ -1,4 +1,4 @@
-"""Checks that records of settings share."""
+"""Checks shared by records of settings."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _KINDS = {bool: "true or false", int: "an integer", float: "a number", str: "a s
 
 
 def check_types(record: Any, error: type[NCRSError]) -> None:
-    """Check that each field of a dataclass holds what its annotation says.
+    """Check that each field of a dataclass has the type of its annotation.
 
-    Numbers become plain Python's, so that JSON can hold them.
+    Numbers become plain Python numbers, which JSON can hold.
 
     Args:
         record: Record whose fields are booleans, integers, numbers, strings, other records, or any
             of these or None.
-        error: Class of the error that names a field with another value.
+        error: Class of the error to raise; its message names the field and the value.
     """
     hints = get_type_hints(type(record))
     for item in fields(record):
@@ -46,5 +46,5 @@ def _is_of(value: Any, kind: type) -> bool:
 
 
 def closest(name: str, known: Iterable[str]) -> list[str]:
-    """The up to three known names that are most like ``name``, the closest first."""
+    """Find up to three known names similar to ``name``, the closest first."""
     return difflib.get_close_matches(name, list(known), n=3, cutoff=0.5)

@@ -1,4 +1,4 @@
-"""The Gymnasium environments: spaces, options, sticky bodies, info and pictures of an Episode."""
+"""Gymnasium environments: spaces, options, sticky bodies, info and pictures of an ``Episode``."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ RENDER_MODES = ("human", "rgb_array")
 
 
 class RobotEnv(_BaseEnv):
-    """A modular robot on Box2D; the task's subclass says what it is rewarded for."""
+    """A modular robot on Box2D; each task has a subclass."""
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's own declaration
         "render_modes": list(RENDER_MODES),
@@ -55,7 +55,7 @@ class RobotEnv(_BaseEnv):
     }
     task: ClassVar[Task]
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the public call
         self,
         body: Any = None,
         grid_size: int | None = None,
@@ -86,7 +86,7 @@ class RobotEnv(_BaseEnv):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """The spec this was made from, its arguments kept as what JSON can hold."""
+        """Spec of this environment, with its arguments as plain values that JSON can hold."""
         return self._spec
 
     @spec.setter
@@ -100,7 +100,7 @@ class RobotEnv(_BaseEnv):
 
     @property
     def body(self) -> BodyGrid:
-        """The current body, int8 ``(n, n)``, read-only."""
+        """Current body, int8 ``(n, n)``, read-only."""
         return self._robot.body
 
     @property
@@ -119,14 +119,14 @@ class RobotEnv(_BaseEnv):
         """Start an episode.
 
         Args:
-            seed: seeds ``np_random``, the only source of randomness.
-            options: ``body`` (kept for later episodes too), and ``region`` (0 to 3) or
-                ``scenario`` (a ``Scenario``) for this episode alone.
+            seed: Seed for ``np_random``, the only source of randomness; None leaves it as it is.
+            options: ``body``, kept for later episodes too, and ``region``, 0 to 3, or ``scenario``,
+                a ``Scenario``, for this episode only; None for no options.
 
         Raises:
-            OptionError: unknown or contradictory options.
-            BodyError: a malformed body, or one that the task cannot use.
-            ScenarioError: an unknown region, or a scenario that does not fit.
+            OptionError: An option is unknown, or options exclude each other.
+            BodyError: The body is malformed, or the task cannot use it.
+            ScenarioError: The region is unknown, or the scenario does not fit the task.
         """
         chosen = check_options(options)
         n = self.settings.grid_size
@@ -157,11 +157,11 @@ class RobotEnv(_BaseEnv):
         """Advance one control step of 1/50 s.
 
         Args:
-            action: gas per cell, shape ``(n, n)``; read in wheel cells, clipped to [-1, 1].
+            action: Gas per cell, shape ``(n, n)``; read in wheel cells, clipped to [-1, 1].
 
         Raises:
-            ResetNeeded: no episode has been started.
-            ActionError: wrong shape, or values that are not finite.
+            ResetNeeded: No episode has been started.
+            ActionError: The action has the wrong shape, or values that are not finite.
         """
         if self._episode is None:
             raise ResetNeeded("Call reset() before step(): no episode has been started.")
@@ -195,13 +195,21 @@ class RobotEnv(_BaseEnv):
 
     @property
     def scene(self) -> Scene:
-        """What there is to draw now. Raises ``ResetNeeded`` before the first reset."""
+        """Current scene, for drawing. Raises ``ResetNeeded`` before the first reset."""
         if self._episode is None:
             raise ResetNeeded("Call reset() before render(): there is nothing to show yet.")
         return self._episode.scene(self._action, self._path)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """An RGB frame ``(render_size, render_size, 3)``, or None after showing it in a window."""
+        """Draw the current scene.
+
+        Returns:
+            RGB, uint8 ``(render_size, render_size, 3)``, if ``render_mode`` is "rgb_array"; None if
+            it is "human", which shows the picture in a window, or None, which gives a warning.
+
+        Raises:
+            ResetNeeded: No episode has been started.
+        """
         if self.render_mode is None:
             gymnasium.logger.warn(
                 "render() was called without a render_mode; make the environment with "
@@ -217,29 +225,29 @@ class RobotEnv(_BaseEnv):
         return None
 
     def close(self) -> None:
-        """Close the window, if there is one."""
+        """Close the window if there is one."""
         if self._window is not None:
             self._window.close()
             self._window = None
 
 
 def _plain(name: str, value: Any) -> Any:
-    """A make argument without numpy types; a body becomes nested lists of cell codes."""
+    """Convert an argument to plain Python types; a body becomes nested lists of cell codes."""
     if name == "body" and value is not None:
         return parse_body(value).tolist()
     return value.item() if isinstance(value, np.generic) else value
 
 
-class LightChaseEnv(RobotEnv):
+class LightChaseEnv(RobotEnv):  # noqa: D101 - from env_docs
     __doc__ = LIGHT_CHASE_DOC
     task = LIGHT_CHASE
 
 
-class ObstacleEnv(RobotEnv):
+class ObstacleEnv(RobotEnv):  # noqa: D101 - from env_docs
     __doc__ = OBSTACLE_DOC
     task = OBSTACLE
 
 
-class CarryBallEnv(RobotEnv):
+class CarryBallEnv(RobotEnv):  # noqa: D101 - from env_docs
     __doc__ = CARRY_BALL_DOC
     task = CARRY_BALL

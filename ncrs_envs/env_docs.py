@@ -1,4 +1,4 @@
-"""The class docstrings of the three environments, with Gymnasium's headings."""
+"""Class docstrings of the three environments, with Gymnasium's headings."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ _TEMPLATE = """{summary}
     ## Description
     {description}
 
-    The robot is a grid of square cells, each of side 2 units: tissue, sensors and wheels, all one
-    rigid body. By default the grid is 5 x 5 and the body a small four-wheeled one; pass your own
-    with `body`. The playfield runs from -P to P on both axes, with P = max(50, 5 n + 35) for an
+    The robot is a grid of square cells with a side of 2 units: tissue, sensors and wheels, which
+    form one rigid body. The default is a small four-wheeled body on a 5 x 5 grid; pass another
+    one with `body`. The playfield runs from -P to P on both axes, with P = max(50, 5 n + 35) for an
     n x n grid: 60 units for 5 x 5. One step is 1/50 s.
 
     ## Action Space
     `Box(-1, 1, (n, n), float32)`: the gas of each cell, read in wheel cells and ignored elsewhere.
     A wheel at gas 1 pushes forward (the body's +y) with a force of 1000 and brakes with 20 per unit
     of speed forward, 100 per unit sideways. Values beyond [-1, 1] are clipped; NaN and infinite
-    ones are refused.
+    values are refused.
 
     ## Observation Space
     `Box(0, 1, (n, n), float32)`: in sensor cells `exp(-d / P)`, with d the distance from the cell's
@@ -32,7 +32,7 @@ _TEMPLATE = """{summary}
 
     ## Starting State
     {start}
-    `reset(options={{"region": k}})` pins the region, `reset(options={{"scenario": scenario}})`
+    `reset(options={{"region": k}})` sets the region, `reset(options={{"scenario": scenario}})`
     all placements, and `reset(options={{"body": grid}})` sets the body for this and later episodes.
 
     ## Episode End
@@ -45,11 +45,11 @@ _TEMPLATE = """{summary}
     render_size=512)`
     - `body`: cell codes (0 empty, 1 tissue, 2 {sensor_2}, {code_3}4 wheel), as an array, nested
       lists or rows of characters. It stays until `reset` replaces it.
-    - `grid_size`: n, at least 3; that of `body` by default, or 5.
+    - `grid_size`: n, at least 3; by default that of `body`, or 5 without one.
     - `render_mode`: None, "rgb_array" or "human".
     - `distance_score`: "exponential" or "inverse_square".
     - `success_radius`: units, {radius:g} by default.
-    - `terminate_on_success`: end the episode when it succeeds.
+    - `terminate_on_success`: True to end an episode when it succeeds.
     - `render_size`: side of a frame in pixels.
 
     ## Version History

@@ -1,6 +1,6 @@
 """One episode on Box2D: a body in a scenario, with the task's sensing, reward and success.
 
-The Gymnasium environments and the ``box2d`` engine both step this class.
+Both the Gymnasium environments and the ``box2d`` engine step this class.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ncrs_envs.tasks import TaskSettings, distance_score, playfield
 
 
 class Robot:
-    """A valid body with what is computed from it once and used in every episode."""
+    """A valid body, with its wheel model and sensors computed once for all episodes."""
 
     def __init__(self, body: BodyGrid) -> None:
         self.body = body
@@ -34,9 +34,9 @@ class Episode:
     """A running episode.
 
     Args:
-        settings: the task and its settings.
-        robot: a body that the task accepts.
-        scenario: placements that fit the task.
+        settings: Task and its settings.
+        robot: Robot with a body that is valid for the task.
+        scenario: Placements that fit the task.
     """
 
     def __init__(self, settings: TaskSettings, robot: Robot, scenario: Scenario) -> None:
@@ -49,10 +49,10 @@ class Episode:
         self._extent = playfield(settings.grid_size)
         self._read_poses()
         self.closest: tuple[float, ...] = (math.inf,) * len(self.distances)
-        """The least of each of the ``distances`` after a step so far, in units."""
+        """Minima of the ``distances`` over the steps so far, in units; infinite at the start."""
 
     def _read_poses(self) -> None:
-        """Fetch what the rest reads, once a step."""
+        """Read the positions of robot and ball, once per step."""
         self.pose: Pose = self.world.pose
         self.ball: Point | None = self.world.ball
 
@@ -60,7 +60,7 @@ class Episode:
         """Advance one control step and return the reward.
 
         Args:
-            action: finite gas per cell, shape ``(n, n)``; read in wheel cells, clipped to [-1, 1].
+            action: Finite gas per cell, shape ``(n, n)``; read in wheel cells, clipped to [-1, 1].
         """
         gas = action.reshape(-1)[self.robot.wheels.wheel_cells].astype(np.float64)
         self.world.step(np.clip(gas, -1.0, 1.0))
@@ -73,11 +73,11 @@ class Episode:
         return sum(scores) / len(scores)
 
     def scene(self, action: NDArray[np.float32], path: Sequence[Point]) -> Scene:
-        """What there is to draw now.
+        """Describe the current scene, for drawing.
 
         Args:
-            action: gas per cell that led here, shape ``(n, n)``; zeros at the start.
-            path: robot centres so far, oldest first.
+            action: Gas per cell in the last step, shape ``(n, n)``; zeros at the start.
+            path: Robot centres so far, oldest first.
         """
         return Scene(
             extent=self._extent,
@@ -96,7 +96,7 @@ class Episode:
 
     @property
     def distances(self) -> tuple[float, ...]:
-        """Units: robot to light; in CarryBall, robot to ball and ball to target."""
+        """Distances in units: robot to light; in CarryBall robot to ball, and ball to target."""
         x, y, _ = self.pose
         if self.ball is not None and self.scenario.target is not None:
             return (math.dist((x, y), self.ball), math.dist(self.ball, self.scenario.target))
@@ -113,7 +113,7 @@ class Episode:
 
     @property
     def sensor_values(self) -> NDArray[np.float64]:
-        """Value of each sensor in row order, in (0, 1], shape ``(sensors,)``."""
+        """Values of the sensors in row order, in (0, 1], shape ``(sensors,)``."""
         x, y, angle = self.pose
         cos, sin = math.cos(angle), math.sin(angle)
         points = self.robot.sensor_points @ np.array([[cos, sin], [-sin, cos]])

@@ -1,7 +1,7 @@
-"""The base class of every error that these packages raise on purpose."""
+"""Base class of the errors that these packages define."""
 
 from __future__ import annotations
 
 
 class NCRSError(Exception):
-    """Base class of all errors of ``ncrs_envs`` and ``ncrs``; the message says what to do."""
+    """Base class of the errors of ``ncrs_envs`` and ``ncrs``; their messages say what to do."""

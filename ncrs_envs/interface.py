@@ -1,4 +1,4 @@
-"""Checks of the reset options and actions that every environment of the suite accepts."""
+"""Checks of reset options and actions, the same for every environment of the suite."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def check_options(options: Any) -> Mapping[str, Any]:
     """Return the options of ``reset`` as a mapping, empty for None.
 
     Raises:
-        OptionError: not a mapping, an unknown name, or both a region and a scenario.
+        OptionError: ``options`` is not a mapping, has an unknown name, or both a region and a
+            scenario.
     """
     if options is None:
         return {}
@@ -38,7 +39,9 @@ def check_options(options: Any) -> Mapping[str, Any]:
     if unknown:
         raise OptionError(f"Unknown reset options {unknown}; known are {list(RESET_OPTIONS)}.")
     if options.get("region") is not None and options.get("scenario") is not None:
-        raise OptionError("Give either region or scenario: a scenario already says where all is.")
+        raise OptionError(
+            "Give either region or scenario: a scenario already fixes all placements."
+        )
     return options
 
 
@@ -50,15 +53,16 @@ def check_flag(value: Any, name: str) -> bool:
 
 
 def check_action(action: Any, shape: tuple[int, ...], meaning: str) -> NDArray[np.float32]:
-    """Return an action as a new float32 array; values beyond float32 become its largest.
+    """Return an action as a new float32 array, clipped to the range of float32.
 
     Args:
-        action: array or nested lists of real numbers.
-        shape: the shape it must have.
-        meaning: what one value stands for, for the message.
+        action: Array or nested lists of real numbers.
+        shape: Required shape of the action.
+        meaning: Description of one value in error messages.
 
     Raises:
-        ActionError: not numbers, another shape, or values that are not finite.
+        ActionError: The action does not hold real numbers, has another shape, or has values that
+            are not finite.
     """
     try:
         raw = np.asarray(action)

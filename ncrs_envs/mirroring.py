@@ -1,7 +1,7 @@
-"""How the scenarios of an evaluation are drawn: independently, or in mirror images.
+"""Sampling the scenarios of an evaluation: independently, or in mirror images.
 
-A robot that drives blindly earns what the noise on the placements happens to give it. In mirror
-images that cancels, so what is left to select for is what the robot does with its sensors.
+What a robot earns by driving blindly depends on the noise of the placements. In mirror images
+this noise cancels, so selection acts on what the robot does with its sensors.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ Mirroring = Literal["none", "front_back", "all"]
 MIRRORINGS: tuple[Mirroring, ...] = ("none", "front_back", "all")
 
 AUTO_MIRRORING = "auto"
-"""Stands for the images that a search of that kind can learn from."""
+"""Name for the mirroring that suits the task and the symmetry of the robots."""
 
 Image = Callable[[Scenario], Scenario]
 
 
 def check_mirroring(kind: Any) -> Mirroring:
-    """Return ``kind`` if there is such a mirroring, else raise ``ScenarioError``."""
+    """Return ``kind`` if it is a mirroring, else raise ``ScenarioError``."""
     if kind not in MIRRORINGS:
         raise ScenarioError(
             f"mirroring must be one of {list(MIRRORINGS)}, or {AUTO_MIRRORING} in a training run, "
@@ -47,17 +47,17 @@ def check_mirroring(kind: Any) -> Mirroring:
 
 
 def resolve_mirroring(kind: Any, task: Task, symmetric: bool) -> Mirroring:
-    """The mirroring that a name stands for.
+    """Resolve the name of a mirroring.
 
     Args:
-        kind: one of ``MIRRORINGS``, or "auto": all images that lead a robot to do something else.
-            For robots that treat left and right alike that leaves "front_back" in LightChase and
-            "none" in the other tasks; for all others it is "all".
-        task: the task.
-        symmetric: whether the robots treat left and right alike.
+        kind: One of ``MIRRORINGS``, or "auto": all images that make a robot behave differently. For
+            robots that treat left and right alike, this is "front_back" in LightChase and "none" in
+            the other tasks; for other robots it is "all".
+        task: Task of the scenarios.
+        symmetric: True if the robots treat left and right alike.
 
     Raises:
-        ScenarioError: no such mirroring.
+        ScenarioError: ``kind`` is unknown.
     """
     if kind != AUTO_MIRRORING:
         return check_mirroring(kind)
@@ -71,14 +71,13 @@ def _is_directed(task: Task) -> bool:
 
 
 def mirror_left_right(scenario: Scenario) -> Scenario:
-    """The scenario with all x negated; the walls change sides."""
+    """Negate all x of a scenario; the walls change sides."""
     image = _flipped(scenario, -1.0, 1.0)
     return image if image.walls is None else replace(image, walls=image.walls[::-1])
 
 
 def mirror_front_back(scenario: Scenario) -> Scenario:
-    """The scenario with all y negated, while the robot still heads +y: what lay before it lies
-    behind it."""
+    """Negate all y of a scenario; what was in front of the robot, heading +y, is then behind it."""
     image = _flipped(scenario, 1.0, -1.0)
     if image.walls is None:
         return image
@@ -116,7 +115,10 @@ def _turned(scenario: Scenario) -> Scenario:
 
 
 def _images(mirroring: Mirroring, task: Task) -> tuple[Sequence[Image], Sequence[int]]:
-    """What is made of each draw, so that every two runs cancel; and the draws' regions in turn."""
+    """Return the images to make of each draw, so that every two episodes cancel, and the regions.
+
+    The draws cycle over the regions.
+    """
     columns = _is_directed(task)
     if mirroring == "front_back":
         return (_same, mirror_front_back), range(REGIONS) if columns else (2, 3)
@@ -127,25 +129,25 @@ def _images(mirroring: Mirroring, task: Task) -> tuple[Sequence[Image], Sequence
 
 @dataclass(frozen=True)
 class ScenarioSampling:
-    """How the scenarios of evaluations are drawn; the default is the task's own way."""
+    """Settings for sampling the scenarios of evaluations; the default is the task's own way."""
 
     mirroring: Mirroring = "none"
-    """Independently, or in mirror images:
+    """Independent scenarios, or mirror images:
 
-    - "none": as ``sample_scenarios``.
-    - "all": in LightChase four by four, one light in all four corners, opposite ones after each
-      other; in the other tasks two by two, a draw and its left-right image.
-    - "front_back": two by two, a draw and its front-back image: for robots that treat left and
-      right alike, which do the same in left-right images. In LightChase a light before the robot,
-      on the right and on the left in turn, and its image behind it. The other tasks never put
-      things behind the robot, so there it is a training ground rather than the task: driving
-      straight on does not pay, and steering must be found.
+    - "none": independent scenarios, as from ``sample_scenarios``.
+    - "all": in LightChase sets of four, one light in all four corners, each followed by the
+      opposite one; in the other tasks pairs of a draw and its left-right image.
+    - "front_back": pairs of a draw and its front-back image, for robots that treat left and right
+      alike and so behave the same in left-right images. In LightChase the light is in front of the
+      robot, on the right and on the left in turn, and its image is behind. The other tasks never
+      place anything behind the robot, so there this is for training only: driving straight on
+      does not pay, and the robot must learn to steer.
     """
     noise: float = NOISE
-    """Of the placements, see ``sample_scenario``."""
+    """Noise of the placements, see ``sample_scenario``."""
 
     def check(self) -> ScenarioSampling:
-        """Return this if all is in range, else raise ``ScenarioError``."""
+        """Return these settings if all are in range, else raise ``ScenarioError``."""
         check_mirroring(self.mirroring)
         check_noise(self.noise)
         return self
@@ -160,15 +162,15 @@ class ScenarioSampling:
         """Draw the scenarios of one evaluation.
 
         Args:
-            task: task or its name.
-            seed: one seed decides all; the first sets of a longer evaluation equal those of a
-                shorter.
-            n: number of runs, at least 1; the last set is cut short if need be.
-            grid_size: side of the body grid.
+            task: Task or its name.
+            seed: Seed for all scenarios; the first sets of a longer evaluation equal those of a
+                shorter one.
+            n: Number of episodes, at least 1; the last set may be incomplete.
+            grid_size: Side of the body grid.
 
         Raises:
             ScenarioError: ``n`` is not a positive integer, or a field is out of range.
-            TaskError: unknown task.
+            TaskError: The task is unknown.
         """
         task = get_task(task)
         self.check()
@@ -183,4 +185,4 @@ class ScenarioSampling:
 
 
 PLAIN_SAMPLING = ScenarioSampling()
-"""The task's own way."""
+"""Sampling in the task's own way."""

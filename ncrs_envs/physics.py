@@ -1,8 +1,8 @@
-"""Physical constants, and the wheel model that every simulator shares.
+"""Physical constants, and the wheel model, shared by all simulators.
 
-All wheels of a robot share the body's axes, so their friction is one linear map of the robot's
-body-frame twist and their thrust one linear map of the gas values. Both are constant for a body.
-Units are the paper's: lengths in units, time in seconds.
+All wheels of a robot are aligned with the body's axes. Their friction is therefore a linear map of
+the robot's body-frame twist, and their thrust a linear map of the gas values. Both are constant for
+a body. Lengths are in units, as in the paper, and time is in seconds.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ncrs_envs.body import (
 )
 
 DT = 1.0 / 50.0
-"""Seconds in one physics step, which is also one control step."""
+"""Duration of one env step (physics and control) in seconds."""
 
 WHEEL_THRUST = 1000.0
 """Forward force of a wheel at gas 1."""
@@ -42,12 +42,12 @@ TARGET_SIDE = 10.0
 """Side of the square target area, which collides with nothing."""
 
 MAX_TRANSLATION = 2.0
-"""Largest translation of a body in one step, in units (Box2D's limit)."""
+"""Maximum translation of a body in one step, in units (Box2D's limit)."""
 MAX_ROTATION_RAD = 0.5 * np.pi
-"""Largest rotation of a body in one step (Box2D's limit)."""
+"""Maximum rotation of a body in one step, in radians (Box2D's limit)."""
 
 STABILITY_TOLERANCE = 1e-9
-"""By how much a step's spectral radius may exceed 1 before wheel friction is made implicit."""
+"""Excess of a step's spectral radius over 1 beyond which wheel friction is made implicit."""
 
 
 @dataclass(frozen=True)
@@ -62,20 +62,21 @@ class WheelModel:
     wheel_cells: NDArray[np.intp]
     """Flat grid indices of the wheels, row by row, shape ``(wheels,)``."""
     thrust: NDArray[np.float64]
-    """Shape ``(3, wheels)``: wrench per unit of gas."""
+    """Wrench per unit of gas, shape ``(3, wheels)``."""
     damping: NDArray[np.float64]
-    """Shape ``(3, 3)``: wrench per unit of twist, positive semidefinite."""
+    """Wrench per unit of twist, shape ``(3, 3)``, positive semidefinite."""
     implicit: bool
-    """True if explicit friction would gain energy, so that it is integrated implicitly."""
+    """True if friction is integrated implicitly, because explicit friction would gain energy."""
     solver: NDArray[np.float64]
-    """Shape ``(3, 3)``: maps an explicit wrench to the one to apply; the identity if explicit."""
+    """Map from the explicit wrench to the applied one, shape ``(3, 3)``; identity if explicit."""
 
     def wrench(self, gas: NDArray[np.float64], twist: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Force x, force y and torque of all wheels over the next step, body frame.
+        """Compute force x, force y and torque of all wheels over the next step, body frame.
 
         Args:
-            gas: shape ``(wheels,)``, in [-1, 1].
-            twist: ``(v_x, v_y, omega)`` of the centre of mass at the start of the step, body frame.
+            gas: Gas of each wheel in [-1, 1], shape ``(wheels,)``.
+            twist: Velocity ``(v_x, v_y, omega)`` of the centre of mass at the start of the step,
+                body frame.
         """
         explicit = self.thrust @ gas - self.damping @ twist
         return self.solver @ explicit if self.implicit else explicit
@@ -85,9 +86,9 @@ def wheel_model(body: BodyGrid) -> WheelModel:
     """Build the wheel model of a body with at least one cell.
 
     Explicit friction multiplies the twist by ``1 - dt M^-1 D`` each step, with
-    ``M = diag(m, m, I)``. Where the spectral radius of that exceeds 1 the friction is implicit
-    instead: ``(M + dt D) u' = M u + dt T g``. The wrench that carries ``u`` to ``u'`` is
-    ``M (M + dt D)^-1`` times the explicit wrench, which is what ``solver`` holds.
+    ``M = diag(m, m, I)``. If the spectral radius of this matrix exceeds 1, friction is implicit
+    instead: ``(M + dt D) u' = M u + dt T g``. The wrench that takes ``u`` to ``u'`` is
+    ``M (M + dt D)^-1`` times the explicit wrench; ``solver`` holds this matrix.
     """
     properties = mass_properties(body)
     wheel_cells = np.flatnonzero(wheel_mask(body))

@@ -1,4 +1,4 @@
-"""The environments as Gymnasium registers them: data only, nothing heavy is imported."""
+"""Registration of the environments with Gymnasium, by strings: nothing heavy is imported."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ncrs_envs.tasks import MAX_EPISODE_STEPS, TASKS
 
 
 def register_all() -> None:
-    """Register the three environments; calling it again changes nothing."""
+    """Register the three environments; further calls change nothing."""
     for task in TASKS.values():
         if task.env_id not in gymnasium.registry:
             gymnasium.register(

@@ -1,7 +1,7 @@
 """Pictures of an episode or a body, and a window to show them in.
 
-A ``Scene`` says what there is to draw, whichever simulator it comes from. Nothing here needs a
-display except ``Window``, and pygame is imported only when something is drawn.
+A ``Scene`` holds everything to draw, for any simulator. Only ``Window`` needs a display, and pygame
+is imported only when something is drawn.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ MIN_RENDER_SIZE = 64
 MAX_RENDER_SIZE = 2048
 
 _MARGIN = 1.01
-"""How far the view reaches beyond the walls."""
+"""Half width of the view, as a multiple of the walls' extent."""
 _GRID_LINES = 12
 _OUTLINE = 0.2
 """Width of the light edge around a robot, in units."""
-_INSET_SHARE = 0.2
-"""Side of the close-up of the robot, as a share of the picture."""
-_LEAST_INSET_PIXELS = 40
-_LEAST_MAGNIFICATION = 1.3
+_INSET_FRACTION = 0.2
+"""Side of the close-up of the robot, as a fraction of the picture's."""
+_MIN_INSET_PIXELS = 40
+_MIN_MAGNIFICATION = 1.3
 
 
 class RenderError(NCRSError, ValueError):
@@ -59,7 +59,7 @@ class RenderError(NCRSError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What there is to draw, in world coordinates and units."""
+    """Everything to draw, in world coordinates and units."""
 
     extent: float
     """Half the playfield's side, P."""
@@ -68,14 +68,14 @@ class Scene:
     pose: tuple[float, float, float]
     """Robot centre x and y, and heading in radians (0 is +y)."""
     sensor_values: NDArray[np.float32]
-    """In [0, 1], shape ``(n, n)``, read in sensor cells."""
+    """Sensor values in [0, 1], shape ``(n, n)``, read in sensor cells."""
     action: NDArray[np.float32]
     """Gas, shape ``(n, n)``, read in wheel cells."""
     light: Point | None
     ball: Point | None
     target: Point | None
     wall_quads: NDArray[np.float64]
-    """Shape ``(quads, 4, 2)``."""
+    """Walls as quadrilaterals, shape ``(quads, 4, 2)``, see ``wall_quads``."""
     path: NDArray[np.float64]
     """Robot centres so far, oldest first, shape ``(steps + 1, 2)``."""
     success: bool
@@ -83,10 +83,10 @@ class Scene:
 
 
 def check_render_size(size: Any) -> int:
-    """Return ``size`` as an int if it is a picture's side in pixels that can be drawn.
+    """Return the side of a picture in pixels as an int.
 
     Raises:
-        RenderError: not an integer from ``MIN_RENDER_SIZE`` to ``MAX_RENDER_SIZE``.
+        RenderError: ``size`` is not an integer from ``MIN_RENDER_SIZE`` to ``MAX_RENDER_SIZE``.
     """
     whole = isinstance(size, int | np.integer) and not isinstance(size, bool)
     if not whole or not MIN_RENDER_SIZE <= size <= MAX_RENDER_SIZE:
@@ -100,28 +100,28 @@ def check_render_size(size: Any) -> int:
 def draw_scene(
     scene: Scene, size: int = DEFAULT_RENDER_SIZE, *, inset: bool = True
 ) -> NDArray[np.uint8]:
-    """Draw an episode as it stands, seen from above with +y up, walls included.
+    """Draw a scene with its walls, seen from above with +y up.
 
     Args:
-        scene: what to draw.
-        size: side of the picture in pixels.
-        inset: where the robot would be small, show it again in a corner, larger and heading up.
+        scene: Scene to draw.
+        size: Side of the picture in pixels.
+        inset: True to show a robot that would be small again in a corner, larger and heading up.
 
     Returns:
         RGB, uint8 ``(size, size, 3)``.
 
     Raises:
-        RenderError: a size that cannot be drawn.
+        RenderError: ``size`` is out of range.
     """
     canvas = Canvas(check_render_size(size), GROUND)
     view = canvas.fit(WALL_EXTENT * scene.extent * _MARGIN)
     _draw_field(canvas, view, scene)
-    _draw_goal(canvas, view, scene)
+    _draw_light_and_target(canvas, view, scene)
     _draw_path(canvas, view, scene.path)
     if scene.ball is not None:
         canvas.glow(view, scene.ball, 0.08 * scene.extent, AMBER, 0.5)
         canvas.disc(view, scene.ball, BALL_RADIUS, AMBER)
-        canvas.ring(view, scene.ball, BALL_RADIUS, WHITE, 0.25, dashed=False)
+        canvas.ring(view, scene.ball, BALL_RADIUS, WHITE, 0.25)
     robot_view = view.placed(scene.pose[:2], scene.pose[2])
     _draw_robot(canvas, robot_view, scene.body, scene.sensor_values, scene.action)
     if inset:
@@ -139,16 +139,16 @@ def draw_body(
     """Draw a body alone, front up.
 
     Args:
-        body: cell codes, ``(n, n)``.
-        size: side of the picture in pixels.
-        sensor_values: in [0, 1], ``(n, n)``; None for all lit.
-        action: gas, ``(n, n)``; None for none.
+        body: Cell codes, shape ``(n, n)``.
+        size: Side of the picture in pixels.
+        sensor_values: Sensor values in [0, 1], shape ``(n, n)``; None for 1 in all sensors.
+        action: Gas, shape ``(n, n)``; None for 0 in all wheels.
 
     Returns:
         RGB, uint8 ``(size, size, 3)``.
 
     Raises:
-        RenderError: a size that cannot be drawn.
+        RenderError: ``size`` is out of range.
     """
     canvas = Canvas(check_render_size(size), GROUND)
     n = body.shape[0]
@@ -161,7 +161,7 @@ def draw_body(
 
 
 def _draw_field(canvas: Canvas, view: View, scene: Scene) -> None:
-    """Grid, border of the playfield, and walls."""
+    """Draw the grid, the border of the playfield, and the walls."""
     extent = scene.extent
     for at in np.linspace(-extent, extent, _GRID_LINES + 1).tolist():
         canvas.line(view, [(at, -extent), (at, extent)], GRID, 0.0)
@@ -171,13 +171,13 @@ def _draw_field(canvas: Canvas, view: View, scene: Scene) -> None:
     quads = [[(x, y) for x, y in quad] for quad in scene.wall_quads.tolist()]
     for quad in quads:
         canvas.polygon(view, quad, WALL)
-    # Vertices 1 and 2 of a quad lie on the wall's ragged edge; drawn last, no quad covers it.
+    # Vertices 1 and 2 of a quad lie on the wall's ragged edge. It is drawn last, over all quads.
     for quad in quads:
         canvas.line(view, quad[1:3], WALL_EDGE, 0.004 * extent)
 
 
-def _draw_goal(canvas: Canvas, view: View, scene: Scene) -> None:
-    """Light or target area, with the ring inside which the task counts as solved."""
+def _draw_light_and_target(canvas: Canvas, view: View, scene: Scene) -> None:
+    """Draw the light or the target area, with the ring that marks the success radius."""
     width = 0.005 * scene.extent
     if scene.target is not None:
         half = TARGET_SIDE / 2.0
@@ -194,13 +194,15 @@ def _draw_goal(canvas: Canvas, view: View, scene: Scene) -> None:
 def _draw_success_ring(
     canvas: Canvas, view: View, scene: Scene, center: Point, color: Color
 ) -> None:
-    color = color if scene.success else mix(GROUND, color, 0.7)
-    width = (0.012 if scene.success else 0.005) * scene.extent
-    canvas.ring(view, center, scene.success_radius, color, width, dashed=not scene.success)
+    radius, extent = scene.success_radius, scene.extent
+    if scene.success:
+        canvas.ring(view, center, radius, color, 0.012 * extent)
+    else:
+        canvas.dashed_ring(view, center, radius, mix(GROUND, color, 0.7), 0.005 * extent)
 
 
 def _draw_path(canvas: Canvas, view: View, path: NDArray[np.float64]) -> None:
-    """The way so far, brighter towards the present."""
+    """Draw the path so far, brighter towards the present."""
     points = [(x, y) for x, y in path.tolist()]
     for k in range(1, len(points)):
         color = mix(GROUND, WHITE, 0.3 + 0.5 * k / len(points))
@@ -214,7 +216,7 @@ def _draw_robot(
     values: NDArray[np.floating],
     action: NDArray[np.floating],
 ) -> None:
-    """All cells of a body, in the body's own frame."""
+    """Draw all cells of a body, in the body frame."""
     half = CELL_SIZE / 2.0
     cells = np.argwhere(body != Cell.EMPTY)
     centers = [(float(x), float(y)) for x, y in cell_centers(body.shape[0])[tuple(cells.T)]]
@@ -232,7 +234,7 @@ def _draw_robot(
 
 
 def _draw_sensor(canvas: Canvas, view: View, center: Point, code: Cell, value: float) -> None:
-    """A disc (light) or a diamond (target), brighter the larger its value."""
+    """Draw a sensor as a disc (light) or diamond (target); the larger its value, the brighter."""
     canvas.box(view, center, (0.92, 0.92), SENSOR_BASE)
     if code is Cell.LIGHT_SENSOR:
         canvas.disc(view, center, 0.85, AMBER)
@@ -245,14 +247,14 @@ def _draw_sensor(canvas: Canvas, view: View, center: Point, code: Cell, value: f
 
 
 def _lit(color: Color, value: float) -> Color:
-    """A sensor's light: nearly dark at 0, nearly white at 1."""
+    """Mix the colour of a sensor: nearly dark at value 0, nearly white at 1."""
     return mix(mix(GROUND, color, 0.2), mix(color, WHITE, 0.7), value)
 
 
 def _draw_wheel(canvas: Canvas, view: View, center: Point, gas: float) -> None:
-    """A black tyre with a white arrowhead at its front and a bar for its thrust.
+    """Draw a black tyre with a white arrowhead at its front and a bar for its thrust.
 
-    The bar grows forward in green or backward in vermilion.
+    The bar extends forward in green or backward in vermilion.
     """
     x, y = center
     canvas.box(view, center, (0.92, 0.92), SENSOR_BASE)
@@ -266,12 +268,12 @@ def _draw_wheel(canvas: Canvas, view: View, center: Point, gas: float) -> None:
 
 
 def _draw_inset(canvas: Canvas, view: View, scene: Scene) -> None:
-    """The robot again, larger and heading up, in a corner where nothing else stands."""
+    """Draw the robot again, larger and heading up, in a free corner."""
     n = scene.body.shape[0]
-    side = _INSET_SHARE * canvas.side
+    side = _INSET_FRACTION * canvas.side
     scale = side / ((n + 1) * CELL_SIZE)
     pixels = side / canvas.samples
-    if pixels < _LEAST_INSET_PIXELS or scale < _LEAST_MAGNIFICATION * view.scale:
+    if pixels < _MIN_INSET_PIXELS or scale < _MIN_MAGNIFICATION * view.scale:
         return
     reach = canvas.side / view.scale / 2.0
     half = side / view.scale / 2.0
@@ -284,14 +286,21 @@ def _draw_inset(canvas: Canvas, view: View, scene: Scene) -> None:
 
 
 def _free_corner(scene: Scene, at: float, half: float) -> Point:
-    """Centre of the first corner, from the upper left, that hides neither robot nor goal.
+    """Choose the corner for the close-up.
 
-    Where all hide something, the one that is farthest from everything.
+    Args:
+        scene: Scene that the close-up must not hide.
+        at: Distance of the corners' centres from the axes, in units.
+        half: Half the side of the close-up, in units.
+
+    Returns:
+        Centre of the first corner, clockwise from the upper left, that hides neither robot, light,
+        ball nor target. If each hides something, the one farthest from everything.
     """
     marks: list[tuple[Point, float]] = [(scene.pose[:2], scene.body.shape[0] * CELL_SIZE / 2.0)]
-    goal = scene.light if scene.target is None else scene.target
-    if goal is not None:
-        marks.append((goal, scene.success_radius))
+    success_center = scene.light if scene.target is None else scene.target
+    if success_center is not None:
+        marks.append((success_center, scene.success_radius))
     if scene.ball is not None:
         marks.append((scene.ball, BALL_RADIUS))
 
@@ -307,11 +316,11 @@ def _free_corner(scene: Scene, at: float, half: float) -> Point:
 class Window:
     """A window on the screen that shows frames at the pace of the episode.
 
-    When its user closes it, further frames are dropped and the program goes on.
+    When the user closes it, further frames are dropped and the program continues.
 
     Args:
-        title: shown in its bar.
-        fps: frames per second at most; ``show`` waits where it is called faster.
+        title: Title of the window.
+        fps: Maximum number of frames per second; ``show`` waits if it is called faster.
     """
 
     def __init__(self, title: str, fps: float) -> None:
@@ -320,10 +329,10 @@ class Window:
         self._screen: Any = None
         self._clock: Any = None
         self.closed = False
-        """True once the user, or ``close``, has closed it."""
+        """True after the user, or ``close``, has closed the window."""
 
     def show(self, frame: NDArray[np.uint8]) -> None:
-        """Show an RGB frame, uint8 ``(height, width, 3)``; opens the window on the first call."""
+        """Show an RGB frame, uint8 ``(height, width, 3)``; the first call opens the window."""
         if self.closed:
             return
         import pygame
@@ -341,7 +350,7 @@ class Window:
         self._clock.tick(self._fps)
 
     def close(self) -> None:
-        """Close the window; calling it again changes nothing."""
+        """Close the window; further calls change nothing."""
         self.closed = True
         if self._screen is not None:
             import pygame

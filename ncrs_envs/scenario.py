@@ -1,8 +1,8 @@
-"""Where robot, light, ball, target and walls stand in one episode.
+"""Placements of robot, light, ball, target and walls in one episode.
 
 Everything random about an episode is drawn once, from one Generator, into a ``Scenario``. Every
-simulator takes the same object, which is what makes common random numbers, replay and parity
-tests possible. Source: paper section 4; the obstacle generator follows the published runs.
+simulator takes the same object, which makes common random numbers, replay and parity tests
+possible. Source: paper section 4; the obstacle generator follows the published runs.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ Polyline = tuple[Point, ...]
 FAR = 0.6
 NEAR = 0.3
 NOISE = 0.05
-LARGEST_NOISE = 0.35
-"""Up to here, on 5 x 5 cells, no light is so near that a robot succeeds before it moves."""
+MAX_NOISE = 0.35
+"""Up to this noise, on 5 x 5 cells, no robot is near enough to a light to succeed at the start."""
 START_Y = -0.85
 CORNER_REGIONS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 COLUMN_REGIONS = (-FAR, -NEAR, NEAR, FAR)
 WALL_EXTENT = 1.1
-"""The walls begin at y = -1.1 P and reach out to x = -1.1 P and 1.1 P."""
+"""Outer extent of the walls: they begin at y = -1.1 P and extend to x = -1.1 P and 1.1 P."""
 PASSAGE_RANGE = 0.8
 
 # Wall shape in multiples of the grid size n.
@@ -41,11 +41,11 @@ PASSAGE_HALF_WIDTH = 0.7
 WALL_TOP = 1.2
 WALL_NOISE = 0.8
 WALL_VERTICES = (5, 20)
-"""Least number of vertices of a wall, and one more than the most."""
+"""Minimum number of vertices of a wall, and maximum plus one."""
 MIN_QUAD_SIDE = 0.01
-"""Wall quads less high or wide than this, in units, enclose nothing worth colliding with."""
+"""Minimum height and width in units of a wall quad that is simulated."""
 MAX_START_DRAWS = 1000
-"""Draws of a start free of walls before giving up."""
+"""Maximum number of draws of a start that is clear of the walls."""
 
 
 class ScenarioError(NCRSError, ValueError):
@@ -56,11 +56,11 @@ class ScenarioError(NCRSError, ValueError):
 class Scenario:
     """Placements of one episode, in world coordinates ``(x, y)`` and length units.
 
-    Make a variant with ``dataclasses.replace(scenario, light=(20.0, 30.0))``; it is validated like
-    any other: points must be pairs of finite numbers, walls at least two points each.
+    Make a variant with ``dataclasses.replace(scenario, light=(20.0, 30.0))``. Fields are validated:
+    points must be pairs of finite numbers, and each wall needs at least two points.
 
     Raises:
-        ScenarioError: a field is malformed.
+        ScenarioError: A field is malformed.
     """
 
     start: Point
@@ -69,8 +69,8 @@ class Scenario:
     ball: Point | None = None
     target: Point | None = None
     walls: tuple[Polyline, Polyline] | None = None
-    """Edges of the left and the right wall from bottom to top. Everything to the left of the first
-    and to the right of the second, out to x = -1.1 P and 1.1 P, is solid."""
+    """Inner edges of the left and the right wall, from bottom to top. Everything to the left of the
+    first and to the right of the second, out to x = -1.1 P and 1.1 P, is solid."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", _point(self.start, "start"))
@@ -82,7 +82,7 @@ class Scenario:
             object.__setattr__(self, "walls", _walls(self.walls))
 
     def check(self, task: Task, grid_size: int) -> None:
-        """Raise ``ScenarioError`` unless this fits the task and its playfield."""
+        """Raise ``ScenarioError`` unless the scenario fits the task and its playfield."""
         extent = playfield(grid_size)
         needed = {
             "light": task.has_light,
@@ -136,10 +136,10 @@ def _walls(value: Any) -> tuple[Polyline, Polyline]:
 
 
 def wall_quads(scenario: Scenario, grid_size: int) -> NDArray[np.float64]:
-    """The walls as convex quadrilaterals, shape ``(quads, 4, 2)``; none gives ``(0, 4, 2)``.
+    """Split the walls into convex quadrilaterals, shape ``(quads, 4, 2)``; 0 quads without walls.
 
-    One quad between each two consecutive points of a wall and the same heights at x = -+1.1 P,
-    as in the published runs. Neighbouring quads may overlap where a wall folds back.
+    Each quad lies between two consecutive points of a wall and the points of the same heights at
+    x = -+1.1 P, as in the published runs. Neighbouring quads may overlap where a wall folds back.
     """
     if scenario.walls is None:
         return np.empty((0, 4, 2))
@@ -161,18 +161,18 @@ def sample_scenario(
     """Draw one scenario.
 
     Args:
-        task: task or its name.
-        rng: the only source of randomness.
-        region: where the light or ball stands, 0 to 3 in the order of the paper (corners
-            counter-clockwise from the lower left, columns from left to right), or None for a
-            uniformly random one.
-        grid_size: side of the body grid, which scales the playfield and the walls.
-        noise: how far light or ball may lie from the region's middle on each axis, as a share of
-            the playfield extent, 0 to 0.35; 0.05 in the paper.
+        task: Task or its name.
+        rng: Generator of all random numbers.
+        region: Region of the light or ball, 0 to 3 in the order of the paper (corners
+            counter-clockwise from the lower left, columns from left to right); None for a uniformly
+            random one.
+        grid_size: Side of the body grid, which scales the playfield and the walls.
+        noise: Maximum distance of light or ball from the middle of the region on each axis, as a
+            fraction of the playfield extent P, 0 to 0.35; 0.05 in the paper.
 
     Raises:
-        ScenarioError: unknown region, or noise out of range.
-        TaskError: unknown task.
+        ScenarioError: The region is unknown, or the noise is out of range.
+        TaskError: The task is unknown.
     """
     task = get_task(task)
     extent = playfield(check_grid_size(grid_size))
@@ -201,7 +201,7 @@ def sample_scenario(
             light = (column + noise_x, FAR * extent + noise_y)
             return Scenario(start=start, light=light, walls=walls)
     raise ScenarioError(  # pragma: no cover - the walls leave most of the start line free
-        f"No start free of walls in {MAX_START_DRAWS} draws for grid size {grid_size}."
+        f"No start clear of the walls in {MAX_START_DRAWS} draws for grid size {grid_size}."
     )
 
 
@@ -217,15 +217,18 @@ def check_region(region: Any) -> int:
 
 
 def check_noise(noise: Any) -> float:
-    """Return ``noise`` as a float in [0, 0.35], which keeps all in the playfield, else raise
-    ``ScenarioError``."""
+    """Return ``noise`` as a float.
+
+    Raises:
+        ScenarioError: ``noise`` is not in [0, 0.35], which keeps light and ball in the playfield.
+    """
     if (
         isinstance(noise, bool)
         or not isinstance(noise, int | float | np.number)
-        or not 0.0 <= noise <= LARGEST_NOISE
+        or not 0.0 <= noise <= MAX_NOISE
     ):
         raise ScenarioError(
-            f"The noise of the placements must lie in 0 to {LARGEST_NOISE}, got {noise!r}."
+            f"The noise of the placements must lie in 0 to {MAX_NOISE}, got {noise!r}."
         )
     return float(noise)
 
@@ -247,9 +250,9 @@ def _sample_walls(rng: np.random.Generator, grid_size: int) -> tuple[Polyline, P
 
 
 def _square_overlaps(center: Point, half: float, quads: NDArray[np.float64]) -> bool:
-    """Whether an axis-aligned square overlaps any quad, by the separating-axis theorem.
+    """Return True if an axis-aligned square overlaps any quad, by the separating-axis theorem.
 
-    The robot's whole grid stands for its body, since scenarios are shared between bodies.
+    The square is the robot's whole grid, whatever its body, since bodies share scenarios.
     """
     x, y = center
     low, high = quads.min(axis=1), quads.max(axis=1)
@@ -259,8 +262,8 @@ def _square_overlaps(center: Point, half: float, quads: NDArray[np.float64]) -> 
         & (low[:, 1] < y + half)
         & (high[:, 1] > y - half)
     )
-    # The quads' horizontal and vertical sides are covered by the boxes; what is left is the normal
-    # of the slanted edge between vertices 1 and 2.
+    # The boxes cover the quads' horizontal and vertical sides; the remaining axis is the normal of
+    # the slanted edge between vertices 1 and 2.
     edge = quads[:, 2] - quads[:, 1]
     normal = np.stack([-edge[:, 1], edge[:, 0]], axis=-1)
     projected = (quads * normal[:, None, :]).sum(axis=-1)
@@ -277,19 +280,19 @@ def sample_scenarios(
     grid_size: int = DEFAULT_GRID_SIZE,
     noise: float = NOISE,
 ) -> list[Scenario]:
-    """Draw the scenarios of one evaluation: run ``i`` uses region ``i mod 4``.
+    """Draw the scenarios of one evaluation: episode ``i`` has region ``i mod 4``.
 
     Args:
-        task: task or its name.
-        seed: one seed decides all; each run has its own stream, so that the first runs of a longer
-            evaluation equal those of a shorter one.
-        n: number of runs, at least 1.
-        grid_size: side of the body grid.
-        noise: see ``sample_scenario``.
+        task: Task or its name.
+        seed: Seed for all scenarios; each episode has its own stream, so that the first episodes of
+            a longer evaluation equal those of a shorter one.
+        n: Number of episodes, at least 1.
+        grid_size: Side of the body grid.
+        noise: Noise of the placements, see ``sample_scenario``.
 
     Raises:
-        ScenarioError: ``n`` is not a positive integer, or noise out of range.
-        TaskError: unknown task.
+        ScenarioError: ``n`` is not a positive integer, or the noise is out of range.
+        TaskError: The task is unknown.
     """
     return [
         sample_scenario(task, stream, region=i % REGIONS, grid_size=grid_size, noise=noise)
@@ -309,14 +312,14 @@ def _checked_seed(seed: int | Sequence[int]) -> np.random.SeedSequence:
 def scenario_streams(
     seed: int | Sequence[int] | np.random.SeedSequence, n: int, per_stream: int = 1
 ) -> list[np.random.Generator]:
-    """Generators from one seed for ``n`` runs, each for ``per_stream`` of them.
+    """Make generators from one seed for ``n`` episodes, each for ``per_stream`` of them.
 
     Raises:
         ScenarioError: ``n`` is not a positive integer.
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
-        raise ScenarioError(f"n must be a positive integer number of runs, got {n!r}.")
-    # A SeedSequence counts the children it has spawned; a fresh one keeps this function pure.
+        raise ScenarioError(f"n must be a positive integer number of episodes, got {n!r}.")
+    # A SeedSequence counts the children it has spawned; a new one keeps this function pure.
     if isinstance(seed, np.random.SeedSequence):
         root = np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
     else:

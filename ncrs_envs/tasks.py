@@ -1,7 +1,7 @@
-"""The three tasks: what each needs of a body, what it rewards, and when it counts as solved.
+"""The three tasks: required body parts, distance scores, and conditions of success.
 
-Source: paper section 4 (tasks); the inverse-square score and the carry radius are those of the
-published runs.
+Source: paper section 4 (tasks); the inverse-square score and CarryBall's success radius are those
+of the published runs.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ DISTANCE_SCORES = ("exponential", "inverse_square")
 
 MAX_EPISODE_STEPS = 100
 PARTIAL_CREDIT = 0.01
-"""Fitness per correct part of a body that the task cannot use."""
+"""Fitness per correct part of a body that is not valid."""
 REGIONS = 4
-"""Number of start regions of the light or ball, cycled over the runs of an evaluation."""
+"""Number of regions of the light or ball; the episodes of an evaluation cycle over them."""
 
 
 class TaskError(NCRSError, ValueError):
@@ -39,12 +39,12 @@ class TaskError(NCRSError, ValueError):
 
 
 def playfield(grid_size: int) -> float:
-    """Half the side ``P`` of the playfield: coordinates run from -P to P (60 for 5 x 5)."""
+    """Compute half the side of the playfield, P: coordinates run from -P to P (60 for 5 x 5)."""
     return max(50.0, 5.0 * grid_size + 35.0)
 
 
 def distance_score(distance: float, extent: float, kind: str = "exponential") -> float:
-    """Score in (0, 1] of a distance: ``exp(-d/P)`` or ``(d/P + 1)^-2``, with ``P = extent``."""
+    """Score a distance in (0, 1]: ``exp(-d/P)`` or ``(d/P + 1)^-2``, with ``P = extent``."""
     if kind == "exponential":
         return math.exp(-distance / extent)
     return (distance / extent + 1.0) ** -2
@@ -52,53 +52,52 @@ def distance_score(distance: float, extent: float, kind: str = "exponential") ->
 
 @dataclass(frozen=True)
 class Task:
-    """Everything in which one task differs from the others."""
+    """Definition of one task."""
 
     name: str
     env_id: str
     success_radius: float
-    """Default radius of success, in units: robot to light, or ball to target."""
+    """Default success radius in units: robot to light, or ball to target."""
     required_parts: tuple[tuple[Cell, int], ...]
-    """Least number of each part that a body must have."""
+    """Minimum number of each part that a body must have."""
     has_light: bool = False
     has_ball: bool = False
     has_walls: bool = False
 
     @property
     def title(self) -> str:
-        """Name for people, and in the names of its classes: "LightChase" for "light_chase"."""
+        """Name for display and in the names of classes: "LightChase" for "light_chase"."""
         return self.name.title().replace("_", "")
 
     def cell_label(self, cell: Cell) -> str:
-        """Name of a cell type for people; where there is a ball, light sensors sense that."""
+        """Name a cell type for display; in a task with a ball, light sensors are ball sensors."""
         return "ball sensor" if self.has_ball and cell is Cell.LIGHT_SENSOR else cell.label
 
     @property
     def part_cells(self) -> tuple[Cell, ...]:
-        """Cell types that this task's bodies are made of, in the order of the NCA's channels."""
+        """Cell types of this task's bodies, in the order of the NCA's channels."""
         if self.has_ball:
             return (Cell.TISSUE, Cell.LIGHT_SENSOR, Cell.TARGET_SENSOR, Cell.WHEEL)
         return (Cell.TISSUE, Cell.LIGHT_SENSOR, Cell.WHEEL)
 
     @property
     def distances(self) -> int:
-        """Number of distances that the reward is made of: robot to light; or robot to ball, and
-        ball to target."""
+        """Number of distances in the reward: to the light; or to the ball, and ball to target."""
         return 2 if self.has_ball else 1
 
     @property
     def min_sensors(self) -> int:
-        """Least number of sensors of all types in a valid body."""
+        """Minimum number of sensors of all types in a valid body."""
         return sum(n for cell, n in self.required_parts if cell is not Cell.WHEEL)
 
     def correct_parts(self, bodies: NDArray[Any]) -> NDArray[np.int64]:
-        """Number of required parts present, each counted up to the number required.
+        """Count the required parts present, each up to the number required.
 
         Args:
-            bodies: cell codes, shape ``(..., n, n)``.
+            bodies: Cell codes, shape ``(..., n, n)``.
 
         Returns:
-            int64, shape ``(...)``.
+            Number of parts, int64, shape ``(...)``.
         """
         counts = [
             np.minimum((bodies == cell).sum(axis=(-2, -1)), needed)
@@ -107,17 +106,17 @@ class Task:
         return np.asarray(sum(counts), dtype=np.int64)
 
     def is_valid(self, bodies: NDArray[Any]) -> NDArray[np.bool_]:
-        """Whether the task can use each body; shapes as in ``correct_parts``."""
+        """Return True for each valid body; shapes as in ``correct_parts``."""
         complete = self.correct_parts(bodies) == sum(needed for _, needed in self.required_parts)
         allowed = np.isin(bodies, [int(c) for c in (Cell.EMPTY, *self.part_cells)])
         return np.asarray(complete & allowed.all(axis=(-2, -1)))
 
     def partial_credit(self, bodies: NDArray[Any]) -> NDArray[np.float64]:
-        """Fitness of bodies that cannot be simulated; shapes as in ``correct_parts``."""
+        """Compute the fitness of bodies that are not valid; shapes as in ``correct_parts``."""
         return self.correct_parts(bodies).astype(np.float64) * PARTIAL_CREDIT
 
     def check_body(self, body: BodyGrid) -> None:
-        """Raise ``BodyError`` saying which parts are missing or not allowed, and how many."""
+        """Raise ``BodyError`` with the missing or foreign parts unless the body is valid."""
         lacking = []
         for cell, needed in self.required_parts:
             found = int((body == cell).sum())
@@ -152,7 +151,11 @@ TASKS: Mapping[str, Task] = MappingProxyType(
 
 
 def get_task(task: str | Task) -> Task:
-    """The task of that name (or the task itself); ``TaskError`` names the known ones."""
+    """Return the task of that name, or the task itself.
+
+    Raises:
+        TaskError: The name is unknown.
+    """
     if isinstance(task, Task):
         return task
     if task not in TASKS:
@@ -161,7 +164,7 @@ def get_task(task: str | Task) -> Task:
 
 
 def default_body(task: Task, grid_size: int) -> BodyGrid:
-    """A small four-wheeled body that works in every task, 3 x 3 cells in the middle of the grid."""
+    """Make a small four-wheeled body, valid for the task: 3 x 3 cells in the middle of the grid."""
     sensors = "LTL" if task.has_ball else "L#L"
     rows = np.full((grid_size, grid_size), ".", dtype="<U1")
     corner = (grid_size - 3) // 2
@@ -191,13 +194,13 @@ def check_success_radius(radius: Any, task: Task) -> float:
     return float(radius)
 
 
-# Not frozen: OmegaConf makes frozen dataclasses read-only, so that nothing could be overridden.
+# Not frozen: OmegaConf makes frozen dataclasses read-only, so nothing could be overridden.
 @dataclass
 class TaskSettings:
-    """A task with the settings that users may change, checked where it is made.
+    """A task with the settings that users may change, checked on creation.
 
     Raises:
-        TaskError: unknown task or score, or a success radius that is not positive and finite.
+        TaskError: The task or score is unknown, or the success radius is not positive and finite.
         BodyError: ``grid_size`` is not an integer of at least 3.
     """
 
@@ -208,7 +211,7 @@ class TaskSettings:
     distance_score: str = "exponential"
     """"exponential" or "inverse_square", the score of the paper's published CarryBall runs."""
     success_radius: float | None = None
-    """Units; null for the task's own."""
+    """Success radius in units; null for the task's own."""
 
     def __post_init__(self) -> None:
         self.grid_size = check_grid_size(self.grid_size)
@@ -217,10 +220,10 @@ class TaskSettings:
 
     @property
     def task(self) -> Task:
-        """The task itself."""
+        """Task of these settings."""
         return get_task(self.name)
 
     @property
     def radius(self) -> float:
-        """Distance at which the task counts as solved, in units."""
+        """Success radius in units, the task's own by default."""
         return check_success_radius(self.success_radius, self.task)

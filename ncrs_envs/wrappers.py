@@ -31,10 +31,10 @@ class FixedBodyView(_VectorView, RecordConstructorArgs):
     """One body's sensors and wheels as vectors, in row order.
 
     Observations are ``Box(0, 1, (sensors,), float32)``, actions ``Box(-1, 1, (wheels,), float32)``.
-    A reset may move the parts, but not change how many there are.
+    A reset may move the parts, but not change their numbers.
 
     Args:
-        env: one of this suite's environments.
+        env: Environment of this suite.
     """
 
     def __init__(self, env: _GridEnv) -> None:
@@ -55,7 +55,7 @@ class FixedBodyView(_VectorView, RecordConstructorArgs):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Grid, dict[str, Any]]:
-        """Start an episode; options as in the environment.
+        """Start an episode; seed and options are those of the environment.
 
         Raises:
             BodyError: ``options["body"]`` has another number of sensors or wheels.
@@ -78,7 +78,7 @@ class FixedBodyView(_VectorView, RecordConstructorArgs):
         """Advance one control step with one gas value per wheel, shape ``(wheels,)``.
 
         Raises:
-            ActionError: wrong shape, or values that are not finite.
+            ActionError: The action has the wrong shape, or values that are not finite.
         """
         grid = np.zeros(self._wheels.shape, dtype=np.float32)
         grid[self._wheels] = check_action(action, (self._counts[1],), "one gas value per wheel")
@@ -87,13 +87,13 @@ class FixedBodyView(_VectorView, RecordConstructorArgs):
 
 
 class BodyConditionedView(_BodyView, RecordConstructorArgs):
-    """Observations that also show the body, for one agent that drives many.
+    """Observations that include the body, for one agent that drives many bodies.
 
     Observations are a Dict of ``sensors``, the environment's own grid, and ``body``,
     ``Box(0, 4, (n, n), int8)`` of cell codes. Actions stay grids.
 
     Args:
-        env: one of this suite's environments.
+        env: Environment of this suite.
     """
 
     def __init__(self, env: _GridEnv) -> None:

@@ -1,4 +1,4 @@
-"""The NCA's channels and parameters as numbers: what both the torch module and the kernels follow.
+"""Channels and parameters of the NCA, shared by the torch module and the kernels.
 
 Source: paper section 3 (the NCA); the layer sizes are those of the published runs.
 """
@@ -20,11 +20,11 @@ CONTROL_CHANNEL = 1
 FIRST_PART_CHANNEL = 2
 HIDDEN_CHANNELS = 6
 HIDDEN_UNITS = 30
-"""Outputs of the first and of the second layer."""
+"""Number of outputs of the first and of the second layer."""
 KERNEL_SIZE = 3
 ALIVE_THRESHOLD = 0.1
 STATE_LIMIT = 5.0
-"""States are clipped to -5 and 5 after every update."""
+"""Limit of the states, which are clipped to [-5, 5] after every update."""
 STEPS_PER_ACTION = 2
 
 
@@ -40,22 +40,22 @@ class NCALayout:
 
     @property
     def part_channels(self) -> slice:
-        """One channel per body part, in the order of ``task.part_cells``."""
+        """Channels of the parts, in the order of ``task.part_cells``."""
         return slice(FIRST_PART_CHANNEL, FIRST_PART_CHANNEL + len(self.task.part_cells))
 
     @property
     def part_codes(self) -> tuple[int, ...]:
-        """Cell code of each part channel."""
+        """Cell codes of the part channels."""
         return tuple(int(cell) for cell in self.task.part_cells)
 
     @property
     def changing_channels(self) -> slice:
-        """The hidden channels and the input/output one: all that changes during control."""
+        """Channels that change during control: the hidden channels and the input/output channel."""
         return slice(self.part_channels.stop, self.channels)
 
     @property
     def io_channel(self) -> int:
-        """The input/output channel, which is the last."""
+        """Index of the input/output channel, the last one."""
         return self.channels - 1
 
     @property
@@ -65,13 +65,13 @@ class NCALayout:
 
     @property
     def channel_purposes(self) -> tuple[Cell | str, ...]:
-        """Purpose of each channel, the same across tasks: a part's cell type, or a name."""
+        """Purposes of the channels, the same across tasks: the cell type of a part, or a name."""
         hidden = (f"hidden {index + 1}" for index in range(HIDDEN_CHANNELS))
         return ("body", "control flag", *self.task.part_cells, *hidden, "input/output")
 
     @property
     def channel_names(self) -> list[str]:
-        """A name for people for each channel, in order."""
+        """Names of the channels for display, in order."""
         return [
             self.task.cell_label(purpose) if isinstance(purpose, Cell) else purpose
             for purpose in self.channel_purposes
@@ -79,7 +79,7 @@ class NCALayout:
 
     @property
     def parameter_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes of weight and bias of the three layers, in the genome's order."""
+        """Shapes of weight and bias of the three layers, in the order of the genome."""
         channels = self.channels
         return (
             (HIDDEN_UNITS, channels, KERNEL_SIZE, KERNEL_SIZE),
@@ -96,8 +96,14 @@ class NCALayout:
         return sum(int(np.prod(shape)) for shape in self.parameter_shapes)
 
     def layers(self, genomes: NDArray[Any]) -> list[NDArray[Any]]:
-        """Weight and bias of the three layers, each ``(P, *shape)``, of genomes
-        ``(P, num_parameters)``."""
+        """Split genomes into weight and bias of the three layers.
+
+        Args:
+            genomes: Shape ``(P, num_parameters)``.
+
+        Returns:
+            One array per entry of ``parameter_shapes``, each of shape ``(P, *shape)``.
+        """
         ends = np.cumsum([int(np.prod(shape)) for shape in self.parameter_shapes])[:-1]
         return [
             part.reshape(len(genomes), *shape)
@@ -107,14 +113,18 @@ class NCALayout:
         ]
 
     def symmetric(self, genomes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The nearest genomes that treat left and right alike, float64 ``(P, num_parameters)``.
+        """Project onto symmetric genomes, which treat left and right alike.
 
-        The left and the right column of each 3 x 3 kernel are replaced by their average; nothing
-        else in the network tells left from right. Such an automaton grows mirror-symmetric bodies
-        (up to ties and rounding), and steers by the difference of what its two sides sense.
+        The left and the right column of each 3 x 3 kernel are replaced by their average; the rest
+        of the network does not distinguish left from right. A symmetric automaton grows
+        mirror-symmetric bodies (up to ties and rounding), and steers by the difference between
+        what its two sides sense.
 
         Args:
-            genomes: ``(P, num_parameters)``; not changed.
+            genomes: Shape ``(P, num_parameters)``; not changed.
+
+        Returns:
+            The nearest symmetric genomes, float64, same shape.
         """
         size = int(np.prod(self.parameter_shapes[0]))
         result = np.array(genomes, dtype=np.float64)
@@ -127,10 +137,11 @@ class NCALayout:
         """Return genomes as a float32 array ``(P, num_parameters)``.
 
         Args:
-            genomes: real numbers, shape ``(P, num_parameters)`` or ``(num_parameters,)``.
+            genomes: Real numbers, shape ``(P, num_parameters)`` or ``(num_parameters,)``.
 
         Raises:
-            GenomeError: wrong shape or dtype, or a value that is not finite in float32.
+            GenomeError: The genomes have the wrong shape or dtype, or a value that is not finite in
+                float32.
         """
         try:
             array = np.asarray(genomes)
@@ -159,10 +170,10 @@ class NCALayout:
 
 
 def nca_layout(task: str | Task) -> NCALayout:
-    """The layout for a task or its name; ``TaskError`` if unknown."""
+    """Make the layout for a task or its name; raise ``TaskError`` if it is unknown."""
     return NCALayout(get_task(task))
 
 
 def growth_steps(grid_size: int) -> int:
-    """Growth steps that reach every cell: ``5 (n - n//2 - 1)``, 10 for 5 x 5."""
+    """Count the growth steps, which reach every cell: ``5 (n - n//2 - 1)``, 10 for 5 x 5."""
     return 5 * (grid_size - grid_size // 2 - 1)

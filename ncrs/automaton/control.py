@@ -24,9 +24,11 @@ class ObservationError(NCRSError, ValueError):
 
 
 class StateError(NCRSError, RuntimeError):
-    """The automaton's state is no longer finite in some robots.
+    """A state of the automaton that is no longer finite.
 
-    ``robots`` holds their indices, counted over all leading axes of the bodies.
+    Attributes:
+        robots: Indices of the robots with such a state, counted over all leading axes of the
+            bodies.
     """
 
     def __init__(self, robots: Sequence[int]) -> None:
@@ -38,16 +40,16 @@ class StateError(NCRSError, RuntimeError):
 
 
 class Controller:
-    """Drives one robot, or a batch of robots, with the grown NCA.
+    """Controller of one robot or a batch of robots: the NCA that grew them.
 
     Args:
-        nca: one NCA, or a population of P.
-        bodies: cell codes; ``(n, n)`` or any leading axes ``(..., n, n)`` for one NCA, and
-            ``(P, n, n)`` or ``(P, ..., n, n)`` for a population, a genome per row.
+        nca: One NCA, or a population of P.
+        bodies: Cell codes, with shape ``(n, n)`` or any leading axes ``(..., n, n)`` for one NCA;
+            ``(P, n, n)`` or ``(P, ..., n, n)`` for a population, with a row per genome.
         seed: Seed for stochastic firing and state noise, where the NCA has them.
 
     Raises:
-        BodyError: malformed bodies, or not one row of them per genome.
+        BodyError: The bodies are malformed, or do not have one row per genome.
     """
 
     def __init__(self, nca: Automaton, bodies: Any, *, seed: int | None = None) -> None:
@@ -85,7 +87,7 @@ class Controller:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the episode: hidden and input/output channels become zero."""
+        """Start an episode: set the hidden and input/output channels to zero."""
         self._state = self._start.clone()
         self._generator = None
         if self._seed is not None:
@@ -93,25 +95,25 @@ class Controller:
 
     @property
     def states(self) -> NDArray[np.float32]:
-        """A copy of the current states, float32 ``(..., n, n, C)``."""
+        """Copy of the current states, float32 ``(..., n, n, C)``."""
         states = self._state.movedim(-3, -1).cpu().numpy()
         return np.array(states.reshape(*self._shape, -1))
 
     def act(self, observations: Any) -> NDArray[np.float32]:
         """Run two NCA steps and read the wheels.
 
-        Before each of the two, the input/output channel of sensor cells is overwritten with the
-        sensor values. Only occupied cells update.
+        Before each step, the sensor values overwrite the input/output channel of sensor cells. Only
+        occupied cells update.
 
         Args:
-            observations: sensor values in sensor cells, same shape as the bodies.
+            observations: Sensor values in sensor cells, same shape as the bodies.
 
         Returns:
-            Gas in wheel cells, 0 elsewhere; float32, same shape. Not clipped: environments do it.
+            Gas in wheel cells, 0 elsewhere; float32, same shape. Environments clip it.
 
         Raises:
-            ObservationError: wrong shape, or a value that is not finite.
-            StateError: the state has become non-finite.
+            ObservationError: The observations have the wrong shape, or a value that is not finite.
+            StateError: The state has become non-finite.
         """
         inputs = np.asarray(observations, dtype=np.float32)
         if inputs.shape != self._shape:

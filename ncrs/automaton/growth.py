@@ -40,13 +40,13 @@ def grow(
 ) -> BodyGrid | tuple[BodyGrid, States]:
     """Grow a body, or one per genome of a population.
 
-    A cell is alive if the largest body value in its 3 x 3 neighbourhood *before* an update exceeds
-    0.1; cells that are not alive become all zeros. There are ``5 (n - n//2 - 1)`` steps.
+    A cell is alive if the maximum body value in its 3 x 3 neighbourhood *before* an update exceeds
+    0.1; all channels of other cells become zero. There are ``5 (n - n//2 - 1)`` steps.
 
     Args:
         nca: One NCA, or a population of P.
         grid_size: Side n of the grid, at least 3.
-        history: Also return the state after every step.
+        history: True to also return the state after every step.
         seed: Seed for stochastic firing and state noise, where the NCA has them.
 
     Returns:
@@ -78,12 +78,12 @@ def grow(
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Growth step by step, of one robot or of P: the seed first, then the T steps."""
+    """Growth step by step, of one robot or of P: the seed, then T steps."""
 
     states: States
-    """All channels, float32 ``(T + 1, n, n, C)``, or ``(P, T + 1, n, n, C)``."""
+    """States with all channels, float32 ``(T + 1, n, n, C)``, or ``(P, T + 1, n, n, C)``."""
     bodies: BodyGrid
-    """The body that each state would be read out as, ``(T + 1, n, n)``, or with P in front."""
+    """Bodies read out of the states, int8 ``(T + 1, n, n)``, or ``(P, T + 1, n, n)``."""
 
 
 def record_growth(nca: Automaton, grid_size: int = DEFAULT_GRID_SIZE) -> Growth:
@@ -102,7 +102,7 @@ def record_growth(nca: Automaton, grid_size: int = DEFAULT_GRID_SIZE) -> Growth:
 
 
 def seed_state(channels: int, grid_size: int) -> Tensor:
-    """The state that growth starts from, float32 ``(C, n, n)``: body 1 in the middle cell."""
+    """Make the initial state of growth, float32 ``(C, n, n)``: body value 1 in the middle cell."""
     state = torch.zeros((channels, grid_size, grid_size))
     state[BODY_CHANNEL, grid_size // 2, grid_size // 2] = 1.0
     return state
@@ -117,15 +117,15 @@ def _alive(state: Tensor) -> Tensor:
 def read_body(state: Tensor, layout: NCALayout) -> BodyGrid:
     """Read bodies out of grown states.
 
-    A cell is occupied where its body value exceeds 0.1; its type is the part channel with the
-    largest value, the first of them on a tie.
+    A cell is occupied if its body value exceeds 0.1; its type is the part channel with the maximum
+    value, the first of them on a tie.
 
     Args:
-        state: float32 ``(..., C, n, n)``.
-        layout: the NCA's channels.
+        state: States, float32 ``(..., C, n, n)``.
+        layout: Channels of the NCA.
 
     Returns:
-        int8 ``(..., n, n)``.
+        Cell codes, int8 ``(..., n, n)``.
     """
     values = state.detach().cpu().numpy()
     parts = values[..., layout.part_channels, :, :].argmax(axis=-3)

@@ -32,24 +32,24 @@ class AutomatonError(NCRSError, ValueError):
     """A setting of an automaton that is out of range."""
 
 
-def _check_fraction(name: str, value: float, low: float, high: float) -> float:
+def _check_range(name: str, value: float, low: float, high: float) -> float:
     if not low <= value <= high:
         raise AutomatonError(f"{name} must lie in [{low:g}, {high:g}], got {value!r}.")
     return float(value)
 
 
 class _CellularAutomaton(nn.Module, ABC):
-    """The update around the network, common to one automaton and a population of them."""
+    """Update rule around the network, common to one automaton and a population."""
 
     def __init__(self, task: str | Task, fire_rate: float, state_noise: float) -> None:
         super().__init__()
         self.layout: NCALayout = nca_layout(task)
-        self.fire_rate = _check_fraction("fire_rate", fire_rate, 0.0, 1.0)
-        self.state_noise = _check_fraction("state_noise", state_noise, 0.0, STATE_LIMIT)
+        self.fire_rate = _check_range("fire_rate", fire_rate, 0.0, 1.0)
+        self.state_noise = _check_range("state_noise", state_noise, 0.0, STATE_LIMIT)
 
     @property
     def task(self) -> Task:
-        """The task whose body parts the channels stand for."""
+        """Task of the robots."""
         return self.layout.task
 
     @property
@@ -59,7 +59,7 @@ class _CellularAutomaton(nn.Module, ABC):
 
     @property
     def num_parameters(self) -> int:
-        """Length of one genome: 4,572, or 4,873 for CarryBall."""
+        """Length of a genome: 4,572, or 4,873 for CarryBall."""
         return self.layout.num_parameters
 
     @property
@@ -69,14 +69,14 @@ class _CellularAutomaton(nn.Module, ABC):
 
     @abstractmethod
     def delta(self, states: Tensor) -> Tensor:
-        """The network's output ``dx`` for states of the shape that ``forward`` takes."""
+        """Compute the network's output ``dx`` for states, shapes as in ``forward``."""
 
     def forward(self, states: Tensor, generator: torch.Generator | None = None) -> Tensor:
-        """One update of every cell: ``clip(x + dx, -5, 5)``; the control flag stays.
+        """Update every cell: ``clip(x + dx, -5, 5)``; the control flag does not change.
 
         Args:
-            states: float32 ``(B, C, H, W)``; for a population ``(P, B, C, H, W)``.
-            generator: randomness for stochastic firing and state noise, where they are on.
+            states: States, float32 ``(B, C, H, W)``; for a population ``(P, B, C, H, W)``.
+            generator: Generator for stochastic firing and state noise, if they are on.
 
         Returns:
             The next states, same shape.
@@ -95,20 +95,20 @@ class _CellularAutomaton(nn.Module, ABC):
 
 
 class NCA(_CellularAutomaton):
-    """One neural cellular automaton: the whole genome of a robot.
+    """One neural cellular automaton, whose weights are the genome of a robot.
 
     ``dx = conv1x1_C(relu(conv1x1_30(relu(conv3x3_30(x)))))`` with zero padding and biases. The
     flat genome is ``parameters_to_vector(nca.parameters())``: weight and bias of each layer in
     turn. A new NCA has torch's default random weights; ``set_genome`` replaces them.
 
     Args:
-        task: "light_chase", "obstacle" or "carry_ball"; sets the number of channels.
-        fire_rate: probability with which each cell updates in a step; 1 (all) in the paper.
-        state_noise: standard deviation of normal noise added to ``dx``; 0 in the paper.
+        task: Task or its name, "light_chase", "obstacle" or "carry_ball".
+        fire_rate: Probability that a cell updates in a step; 1 in the paper.
+        state_noise: Standard deviation of normal noise added to ``dx``; 0 in the paper.
 
     Raises:
-        TaskError: unknown task.
-        AutomatonError: ``fire_rate`` or ``state_noise`` out of range.
+        TaskError: The task is unknown.
+        AutomatonError: ``fire_rate`` or ``state_noise`` is out of range.
     """
 
     def __init__(
@@ -125,6 +125,7 @@ class NCA(_CellularAutomaton):
         self.conv3 = nn.Conv2d(HIDDEN_UNITS, self.channels, 1)
 
     def delta(self, states: Tensor) -> Tensor:
+        """Compute ``dx``, shape ``(B, C, H, W)``."""
         hidden = functional.relu(self.conv1(states))
         out: Tensor = self.conv3(functional.relu(self.conv2(hidden)))
         return out
@@ -133,10 +134,10 @@ class NCA(_CellularAutomaton):
         """Set all weights from a flat vector, and return this module.
 
         Args:
-            genome: finite real numbers, shape ``(num_parameters,)``; array, tensor or sequence.
+            genome: Finite real numbers, shape ``(num_parameters,)``; array, tensor or sequence.
 
         Raises:
-            GenomeError: wrong shape, dtype or length, or values that are not finite.
+            GenomeError: The genome has the wrong shape or dtype, or values that are not finite.
         """
         if isinstance(genome, Tensor):
             genome = genome.detach().cpu().numpy()
@@ -151,7 +152,7 @@ class NCA(_CellularAutomaton):
         return self
 
     def genome(self) -> NDArray[np.float32]:
-        """A copy of all weights as a flat float32 vector, shape ``(num_parameters,)``."""
+        """Return a copy of all weights as a flat float32 vector, shape ``(num_parameters,)``."""
         vector = parameters_to_vector(self.parameters()).detach().cpu().numpy()
         return np.array(vector, dtype=np.float32)
 
@@ -160,12 +161,15 @@ class NCAPopulation(_CellularAutomaton):
     """P automata with a genome each, updated in one batched call.
 
     Args:
-        genomes: finite real numbers, shape ``(P, num_parameters)``.
-        task: as for ``NCA``; so are ``fire_rate`` and ``state_noise``.
+        genomes: Finite real numbers, shape ``(P, num_parameters)``.
+        task: Task or its name, as for ``NCA``.
+        fire_rate: Probability that a cell updates in a step, as for ``NCA``.
+        state_noise: Standard deviation of normal noise added to ``dx``, as for ``NCA``.
 
     Raises:
-        GenomeError: wrong shape or dtype, or values that are not finite.
-        TaskError: unknown task.
+        GenomeError: The genomes have the wrong shape or dtype, or values that are not finite.
+        TaskError: The task is unknown.
+        AutomatonError: ``fire_rate`` or ``state_noise`` is out of range.
     """
 
     def __init__(
@@ -194,6 +198,7 @@ class NCAPopulation(_CellularAutomaton):
     bias3: Tensor
 
     def delta(self, states: Tensor) -> Tensor:
+        """Compute ``dx``, shape ``(P, B, C, H, W)``."""
         population, batch, channels, height, width = states.shape
         patches = functional.unfold(states.flatten(0, 1), KERNEL_SIZE, padding=KERNEL_SIZE // 2)
         columns = patches.reshape(population, batch, -1, height * width)

@@ -1,4 +1,4 @@
-"""Limit the number of threads that torch uses."""
+"""Limit on the number of threads that torch uses."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import torch
 def one_torch_thread() -> Iterator[None]:
     """Let torch use one thread within the block.
 
-    The arithmetic of a genome must not depend on how many threads share it; and for a single NCA,
-    threads wait for each other longer than they compute.
+    The arithmetic of a genome must not depend on the number of threads, and for a single NCA, the
+    threads spend more time waiting for each other than computing.
     """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)

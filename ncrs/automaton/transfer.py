@@ -1,4 +1,4 @@
-"""A genome of one task as the start of a search in another."""
+"""Transfer of a genome of one task to another, as the start of a search."""
 
 from __future__ import annotations
 
@@ -11,25 +11,28 @@ from ncrs.automaton.channels import HIDDEN_UNITS, KERNEL_SIZE, NCALayout
 
 
 def transferred(genome: Any, source: NCALayout, target: NCALayout) -> NDArray[np.float64]:
-    """The genome for another task's channels, float64 ``(num_parameters of target,)``.
+    """Convert a genome to the channels of another task.
 
-    Channels are matched by what they are for, a part's by its cell type. What the automaton reads
-    and writes in channels that both tasks have stays as it is; channels that only the target has
-    are neither read nor written, and those that only the source has are lost.
+    Channels are matched by purpose, those of parts by cell type. The weights of channels that both
+    tasks have are kept; channels that only the target has are neither read nor written, and the
+    weights of channels that only the source has are dropped.
 
-    Between tasks with the same channels it is a copy. Towards CarryBall, it grows a body of the
-    same shape, in which only cells with negative values for all the parts that the source has
-    become target sensors, and with the same body and sensor values it does the same. From
-    CarryBall, the automaton loses the target sensor's channel, in which it may have kept what it
-    needs: body and behaviour may be others.
+    Between tasks with the same channels the result is a copy. Towards CarryBall, the new automaton
+    grows a body of the same shape, in which only cells with negative values for all parts of the
+    source become target sensors; with the same body and sensor values it acts the same. From
+    CarryBall, the automaton loses the channel of the target sensor, which it may have relied on, so
+    body and behaviour may differ.
 
     Args:
-        genome: Real numbers, ``(num_parameters of source,)``.
+        genome: Real numbers, shape ``(source.num_parameters,)``.
         source: Layout of the genome's task.
         target: Layout of the task to search in.
 
+    Returns:
+        The new genome, float64 ``(target.num_parameters,)``.
+
     Raises:
-        GenomeError: the genome does not fit ``source``.
+        GenomeError: The genome does not fit ``source``.
     """
     layers = source.layers(source.check_genomes(genome).astype(np.float64))
     reading, bias1, middle, bias2, writing, bias3 = (layer[0] for layer in layers)

@@ -1,10 +1,10 @@
 """Engines: genomes and scenarios in, an ``Evaluation`` out. Source: paper sections 4 and 5.
 
 - ``base``: the interface, its checks, and the registry of engines.
-- ``box2d`` and ``pool``: the reference, one process per core.
-- ``batched``, ``rollout_kernels``, ``nca_kernels``, ``tiles``: everything compiled, one thread per
+- ``box2d``, ``pool``: the reference, one process per core.
+- ``batched``, ``rollout_kernels``, ``nca_kernels``, ``tiles``: the compiled engine, one thread per
   core; ``tapes`` records what the rollout does.
-- ``evaluate``: the one call for scripts and notebooks.
+- ``evaluate``: evaluation in one call, for scripts and notebooks.
 """
 
 from ncrs.engines.base import Engine, EngineError, Evaluation, EvaluationInterrupted, make_engine

@@ -1,4 +1,4 @@
-"""What every engine takes and returns, checked in one place."""
+"""Interface of the engines: arguments, checked here, and results."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ ScenarioRows = Sequence[Sequence[Scenario]]
 StopCheck = Callable[[], bool]
 
 INVALID_MEASURES = -1
-"""Stands in every feature of a body that the task cannot use: it has none."""
+"""Value of all measures of a body that is not valid."""
 
 
 class EngineError(NCRSError, RuntimeError):
-    """An engine could not finish an evaluation; the message names the genome."""
+    """An evaluation that could not be finished; the message names the genome."""
 
 
 class EngineSettingError(NCRSError, ValueError):
-    """An engine that does not exist, or a number of workers that is not one."""
+    """An unknown engine, or an invalid number of workers."""
 
 
 class EvaluationInterrupted(Exception):
-    """The caller asked to stop during an evaluation."""
+    """A request to stop during an evaluation."""
 
 
 class NonFiniteStateWarning(RuntimeWarning):
-    """The state of a genome's automaton turned non-finite; its fitness is NaN."""
+    """A genome with a fitness of NaN, because its automaton's state became non-finite."""
 
 
 @dataclass(frozen=True)
@@ -50,32 +50,32 @@ class Evaluation:
     """Results for P genomes in E episodes each, on an n x n grid."""
 
     fitness: NDArray[np.float64]
-    """Mean over the episodes, ``(P,)``. NaN where the automaton's state turned non-finite."""
+    """Mean fitness of the episodes, ``(P,)``; NaN if the automaton's state became non-finite."""
     episode_fitness: NDArray[np.float64]
     """Mean reward over the steps of each episode, ``(P, E)``; partial credit for invalid bodies."""
     success: NDArray[np.bool_]
-    """Whether each episode ever succeeded, ``(P, E)``."""
+    """True if the episode was a success, ``(P, E)``."""
     crossed: NDArray[np.bool_]
-    """Whether the robot's centre was ever above y = 0, ``(P, E)``; all False outside Obstacle."""
+    """True if the robot's centre was ever above y = 0, ``(P, E)``; False outside Obstacle."""
     closest: NDArray[np.float64]
-    """Least distances of each episode, ``(P, E, D)``, in units: robot to light, D = 1; in CarryBall
-    robot to ball and ball to target, D = 2. Infinite for invalid bodies."""
+    """Closest approach of each episode, ``(P, E, D)``, in units: robot to light, D = 1; or in
+    CarryBall robot to ball and ball to target, D = 2. Infinite for invalid bodies."""
     bodies: NDArray[np.int8]
     """Cell codes, ``(P, n, n)``."""
     valid: NDArray[np.bool_]
-    """Whether the task can use the body, ``(P,)``."""
+    """True if the body is valid, ``(P,)``."""
     measures: NDArray[np.int64]
-    """Sensors, wheels and cells, ``(P, 3)``; -1 where the body is invalid."""
+    """Numbers of sensors, wheels and cells, ``(P, 3)``; -1 for invalid bodies."""
 
     @property
     def env_steps(self) -> int:
-        """Environment steps that were simulated; invalid bodies take none."""
+        """Number of env steps simulated; invalid bodies take none."""
         return int(self.valid.sum() * self.episode_fitness.shape[1] * MAX_EPISODE_STEPS)
 
 
 @dataclass(frozen=True)
 class RolloutResult:
-    """What an engine has to find out; the rest of an ``Evaluation`` follows from it.
+    """Result of an engine; the rest of an ``Evaluation`` follows from it.
 
     Shapes as in ``Evaluation``; rows of invalid bodies are ignored.
     """
@@ -88,12 +88,12 @@ class RolloutResult:
 
 
 class Engine(ABC):
-    """Evaluates populations; a context manager that releases its workers.
+    """Evaluator of populations; a context manager that releases its workers.
 
     Args:
-        settings: the task with its settings.
-        workers: processes or threads; None for one per core that this process may use. Results
-            do not depend on it.
+        settings: Task and its settings.
+        workers: Number of processes or threads; None for one per core that this process may use.
+            Results do not depend on it.
     """
 
     name: ClassVar[str]
@@ -112,14 +112,15 @@ class Engine(ABC):
         """Grow each genome's robot and drive it through its scenarios.
 
         Args:
-            genomes: finite real numbers, shape ``(P, num_parameters)``.
-            scenarios: E scenarios for all genomes, or P rows of E.
-            should_stop: polled now and then; True ends the evaluation.
+            genomes: Finite real numbers, shape ``(P, num_parameters)``.
+            scenarios: One row of E scenarios for all genomes, or P rows of E.
+            should_stop: Function that is polled now and then; True ends the evaluation.
 
         Raises:
-            GenomeError: wrong shape, or values that are not finite.
-            ScenarioError: no scenarios, rows of unequal length, or one that does not fit the task.
-            EngineError: a worker was lost.
+            GenomeError: The genomes have the wrong shape, or values that are not finite.
+            ScenarioError: There are no scenarios, their rows differ in length, or one does not
+                fit the task.
+            EngineError: A worker was lost.
             EvaluationInterrupted: ``should_stop`` returned True.
         """
         checked = self.layout.check_genomes(genomes)
@@ -140,7 +141,7 @@ class Engine(ABC):
         episode_fitness = np.where(valid[:, None], result.episode_fitness, credit)
         for genome, episode in np.argwhere(~np.isfinite(episode_fitness)):
             warnings.warn(
-                f"The NCA's state of genome {genome} turned non-finite in episode {episode}; its "
+                f"The NCA's state of genome {genome} became non-finite in episode {episode}; its "
                 "fitness is NaN. Its weights are too large.",
                 NonFiniteStateWarning,
                 stacklevel=3,
@@ -181,7 +182,7 @@ class Engine(ABC):
         return checked
 
     def close(self) -> None:  # noqa: B027 - most engines hold nothing
-        """Release workers; the engine can be used again, which starts new ones."""
+        """Release workers; a further evaluation starts new ones."""
 
     def __enter__(self) -> Engine:
         return self
@@ -204,7 +205,11 @@ def _is_row(value: Any) -> bool:
 
 
 def check_workers(workers: Any) -> int:
-    """Return the number of workers (all cores for None), else raise ``EngineSettingError``."""
+    """Return the number of workers, one per core for None.
+
+    Raises:
+        EngineSettingError: ``workers`` is neither None nor a positive integer.
+    """
     if workers is None:
         return available_cores()
     if isinstance(workers, bool) or not isinstance(workers, int | np.integer) or workers < 1:
@@ -212,18 +217,18 @@ def check_workers(workers: Any) -> int:
     return int(workers)
 
 
-# Module and class of each engine; imported on use, since each needs its own heavy packages.
+# Module and class of each engine, imported on use, since each needs its own heavy packages.
 ENGINES: Mapping[str, tuple[str, str]] = {
     "batched": ("ncrs.engines.batched", "BatchedEngine"),
     "box2d": ("ncrs.engines.box2d", "Box2DEngine"),
 }
 
 AUTO_ENGINE = "auto"
-"""Stands for the best engine that works here: ``batched``."""
+"""Name for the best engine that works here: ``batched``."""
 
 
 def resolve_engine(name: str) -> str:
-    """The engine that a name stands for, or ``EngineSettingError`` naming those there are."""
+    """Resolve the name of an engine; raise ``EngineSettingError`` if it is unknown."""
     if name == AUTO_ENGINE:
         return "batched"
     if name not in ENGINES:
@@ -234,7 +239,7 @@ def resolve_engine(name: str) -> str:
 
 
 def make_engine(name: str, settings: TaskSettings, workers: int | None = None) -> Engine:
-    """Make the engine of that name; ``EngineSettingError`` if there is none."""
+    """Make the engine of that name; raise ``EngineSettingError`` if it is unknown."""
     module, attribute = ENGINES[resolve_engine(name)]
     engine: Engine = getattr(importlib.import_module(module), attribute)(settings, workers)
     return engine

@@ -1,4 +1,4 @@
-"""The reference engine: torch NCA and Box2D, one process per core, a genome per job."""
+"""Reference engine: torch NCA and Box2D, one process per core, one genome per job."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class _GenomeResult:
 
 
 Recorder = Callable[[Controller, NDArray[np.float32], NDArray[np.float64]], None]
-"""Called at the start of E episodes and after every step of them, with the controller, and the gas
-``(E, n, n)`` and the rewards ``(E,)`` of the step; zeros at the start."""
+"""Function called at the start of E episodes and after each of their steps, with the controller,
+and with the gas ``(E, n, n)`` and the rewards ``(E,)`` of the step, zeros at the start."""
 
 
 def drive(
@@ -55,11 +55,11 @@ def drive(
     Args:
         nca: Automaton of the robot.
         episodes: E episodes of one robot, at their start.
-        record: Called at every moment; None for no recording.
+        record: Recorder of the start and of every step; None for no recording.
 
     Returns:
-        Mean reward of each episode, ``(E,)``; NaN where the automaton's state has become
-        non-finite, which ends all of them.
+        Mean reward of each episode, ``(E,)``; NaN where the automaton's state became non-finite,
+        which ends all episodes.
     """
     bodies = np.stack([episode.robot.body for episode in episodes])
     controller = Controller(nca, bodies)
@@ -101,7 +101,7 @@ def evaluate_genome(job: _Job) -> _GenomeResult:
 
 
 class Box2DEngine(Engine):
-    """See ``Engine``. With one worker everything runs in this process."""
+    """Reference engine, see ``Engine``. With one worker everything runs in this process."""
 
     name = "box2d"
 
@@ -139,4 +139,5 @@ class Box2DEngine(Engine):
         )
 
     def close(self) -> None:
+        """End the worker processes; a further evaluation starts new ones."""
         self._pool.close()

@@ -1,4 +1,4 @@
-"""Evaluate genomes: the one call for scripts and notebooks."""
+"""Evaluation of genomes in one call, for scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import Task, TaskSettings, get_task
 
 EPISODES = 12
-"""Episodes per evaluation in the paper."""
-# Starting worker processes takes seconds; fewer genomes than this are done before that.
+"""Number of episodes per evaluation in the paper."""
+# Starting worker processes takes seconds; fewer genomes than this are evaluated sooner without.
 _WORTH_WORKERS = 8
 
 
-def evaluate(
+def evaluate(  # noqa: PLR0913 - the public call, keywords only
     genomes: Any,
     task: str | Task,
     *,
@@ -39,28 +39,28 @@ def evaluate(
     """Grow each genome's robot and drive it through a set of scenarios.
 
     Args:
-        genomes: finite real numbers, shape ``(P, num_parameters)`` or ``(num_parameters,)``.
-        task: "light_chase", "obstacle" or "carry_ball".
-        engine: "batched" (numba, fast), "box2d" (the reference), or "auto": batched where numba
-            is installed, else box2d.
-        scenarios: E scenarios for all genomes, or P rows of E; None draws them from ``seed``.
-        episodes: number of scenarios to draw, 12 in the paper; ignored if ``scenarios`` are given.
-        seed: of the scenarios that are drawn; ignored likewise.
-        workers: processes or threads; None for one per core, or for one process where there is too
-            little to do for more. Results do not depend on it.
-        grid_size: side n of the body grid.
-        distance_score: "exponential" or "inverse_square".
-        success_radius: units; None for the task's own.
+        genomes: Finite real numbers, shape ``(P, num_parameters)`` or ``(num_parameters,)``.
+        task: Task or its name, "light_chase", "obstacle" or "carry_ball".
+        engine: Engine to use: "batched" (compiled, fast), "box2d" (the reference), or "auto" for
+            the best engine that works here, batched.
+        scenarios: One row of E scenarios for all genomes, or P rows of E; None to sample them.
+        episodes: Number of scenarios to sample, 12 in the paper; ignored if ``scenarios`` is given.
+        seed: Seed for sampling the scenarios; ignored if ``scenarios`` is given.
+        workers: Number of processes or threads; None for one per core, or for a single process if
+            there are few genomes. Results do not depend on it.
+        grid_size: Side n of the body grid.
+        distance_score: Distance score, "exponential" or "inverse_square".
+        success_radius: Success radius in units; None for the task's own.
 
     Returns:
-        Arrays over genomes and episodes, see ``Evaluation``. Bodies that the task cannot use are
-        not simulated and get 0.01 per correct part.
+        Arrays over genomes and episodes, see ``Evaluation``. Invalid bodies are not simulated and
+        get 0.01 per correct part.
 
     Raises:
-        GenomeError: wrong shape, or values that are not finite.
-        TaskError, ScenarioError, BodyError: a setting out of range.
-        EngineSettingError: unknown engine, or ``workers`` that is no positive integer.
-        EngineError: a worker was lost.
+        GenomeError: The genomes have the wrong shape, or values that are not finite.
+        TaskError, ScenarioError, BodyError: A setting is out of range.
+        EngineSettingError: The engine is unknown, or ``workers`` is not a positive integer.
+        EngineError: A worker was lost.
     """
     settings = TaskSettings(get_task(task).name, grid_size, distance_score, success_radius)
     checked = nca_layout(settings.task).check_genomes(genomes)

@@ -1,8 +1,8 @@
-"""Worker processes that are never orphaned and whose loss is an error that names the job.
+"""Pool of worker processes that are never orphaned; losing one is an error that names the job.
 
-Workers are fresh interpreters that talk over their standard input and output. Unlike
-``multiprocessing``'s they do not import the caller's main module, so scripts and notebooks need no
-``if __name__ == "__main__"`` guard; a worker whose parent has gone reads end-of-file and leaves.
+Workers are new interpreters that communicate over standard input and output. Unlike those of
+``multiprocessing`` they do not import the caller's main module, so scripts and notebooks need no
+``if __name__ == "__main__"`` guard. If the parent ends, a worker reads end-of-file and exits.
 """
 
 from __future__ import annotations
@@ -49,10 +49,12 @@ def _receive(stream: BinaryIO) -> Any:
 
 
 def serve() -> None:
-    """A worker's main loop: apply functions to arguments until end-of-file."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent acts
+    """Run a worker: apply functions to arguments until end-of-file."""
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C reaches the whole group; the parent handles it
     replies = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    # Whatever a library prints must not end up between the replies.
+    # The output of libraries must not mix with the replies.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     requests = sys.stdin.buffer
     while True:
@@ -103,7 +105,7 @@ class _Worker:
                 try:
                     stream.close()
                 except BrokenPipeError:
-                    continue  # what was still buffered had no reader any more
+                    continue  # buffered data has no reader any more
 
 
 class WorkerPool:
@@ -131,10 +133,10 @@ class WorkerPool:
             function: Module-level function.
             arguments: Argument of each job.
             names: Name of each job in error messages.
-            should_stop: Polled while waiting.
+            should_stop: Function that is polled while waiting; True ends the work.
 
         Raises:
-            EngineError: a worker was lost, or a job raised; the message names the job.
+            EngineError: A worker was lost, or a job raised an error; the message names the job.
             EvaluationInterrupted: ``should_stop`` returned True.
         """
         while len(self._workers) < self._size:
@@ -153,7 +155,7 @@ class WorkerPool:
                 try:
                     succeeded, value = worker.call(function, arguments[index])
                 except (EOFError, OSError, ValueError):
-                    # ValueError: the streams were closed under us because the pool is closing.
+                    # ValueError: the pool is closing and has closed the streams.
                     message = f"Worker process {worker.process.pid} {worker.describe_end()}"
                     done.put((index, False, EngineError(message)))
                     return
