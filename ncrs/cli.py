@@ -1,4 +1,4 @@
-"""The ``ncrs`` command: look at what a run found."""
+"""The ``ncrs`` command: test, draw and film the robots of a run."""
 
 from __future__ import annotations
 

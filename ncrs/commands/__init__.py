@@ -1,6 +1,6 @@
-"""The subcommands of ``ncrs``, one file each: its arguments, and what it prints.
+"""The subcommands of ``ncrs``, one file each: its arguments, and its output.
 
-What needs time or optional packages to import is imported when a command runs.
+Modules that are slow to import, or need optional packages, are imported when a command runs.
 """
 
 from __future__ import annotations
@@ -65,13 +65,18 @@ def given_robot(options: argparse.Namespace) -> EvolvedRobot:
 
 
 def folder_of(run: Path) -> Path:
-    """The folder itself, or that of a file."""
+    """Return the folder itself, or the folder of a file."""
     return run if run.is_dir() else run.parent
 
 
 def output_folder(source: Path) -> Path:
-    """The folder for what is made of a robot: its run's, or that of its file; for a published
-    champion one of its name, which is made here."""
+    """Return the folder for a robot's outputs: its run's, or that of its file.
+
+    For a published champion it is a new folder of its name.
+
+    Raises:
+        ConfigError: If that cannot be made.
+    """
     if source.exists():
         return folder_of(source)
     folder = Path(file_stem(source.as_posix()))
@@ -89,12 +94,12 @@ def print_saved(paths: list[Path]) -> None:
 
 
 def describe(robot: EvolvedRobot) -> str:
-    """The task and the name of a robot, in a line."""
+    """Format the task and the name of a robot, in one line."""
     return f"{robot.task.name}, {robot.title}"
 
 
 def require(package: str) -> None:
-    """Raise ``ConfigError`` with what to do if an optional package is not installed."""
+    """Raise ``ConfigError`` if an optional package is not installed."""
     if importlib.util.find_spec(package) is None:
         raise ConfigError(
             f"This command needs {package}, which is not installed: pip install 'ncrs[viz]'"

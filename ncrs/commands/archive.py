@@ -1,4 +1,4 @@
-"""``ncrs archive``: what a run's archive holds, estimated again, and in other formats."""
+"""``ncrs archive``: statistics of a run's archive, new estimates, and other formats."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 import pickle
 from pathlib import Path
 
-from ncrs.commands import Commands, folder_of, print_saved
+from ncrs.commands import Commands, add_seed_argument, folder_of, print_saved
 from ncrs.engines.base import AUTO_ENGINE, ENGINES, make_engine
 from ncrs.engines.evaluate import EPISODES
 from ncrs.evolution.archive import PAPER_TRIPLES, STANDING_STILL_MARGIN, SUCCESS_FRACTION
@@ -24,7 +24,7 @@ PYRIBS_FILE = "archive_pyribs.pkl"
 def add_parser(commands: Commands) -> None:
     """Declare the command."""
     parser = commands.add_parser(
-        "archive", help="say what the archive holds; estimate it again, or export it"
+        "archive", help="summarise the archive; estimate its elites again, or export it"
     )
     parser.add_argument("run", type=Path, metavar="RUN_DIR", help="a run's folder, or an archive")
     parser.add_argument(
@@ -33,10 +33,13 @@ def add_parser(commands: Commands) -> None:
         help=f"evaluate all elites on fresh scenarios and save them as {REESTIMATED_FILE}",
     )
     parser.add_argument(
-        "--episodes", type=int, default=EPISODES, help="fresh scenarios; default: %(default)s"
+        "--episodes",
+        type=int,
+        default=EPISODES,
+        help="number of fresh scenarios; default: %(default)s",
     )
     parser.add_argument("--engine", choices=[AUTO_ENGINE, *sorted(ENGINES)], default=AUTO_ENGINE)
-    parser.add_argument("--seed", type=int, default=0, help="seed of the scenarios; default: 0")
+    add_seed_argument(parser)
     parser.add_argument(
         "--export",
         choices=("csv", "pyribs"),
@@ -66,12 +69,12 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def reestimated(elites: EliteArchive, engine: str, seed: int, episodes: int) -> EliteArchive:
-    """A copy whose elites were all evaluated on the same fresh scenarios.
+    """Copy an archive and evaluate all elites of the copy on the same fresh scenarios.
 
     Raises:
-        EngineSettingError: unknown engine.
-        ScenarioError: ``episodes`` below 1.
-        SeedError: a negative seed.
+        EngineSettingError: If there is no such engine.
+        ScenarioError: If ``episodes`` is below 1.
+        SeedError: If the seed is negative.
     """
     archive = type(elites.archive).from_state(elites.archive.state())
     copy = EliteArchive(elites.task, archive, episodes)
@@ -83,7 +86,7 @@ def reestimated(elites: EliteArchive, engine: str, seed: int, episodes: int) -> 
 
 
 def archive_lines(elites: EliteArchive) -> list[str]:
-    """An archive's statistics for people."""
+    """Format an archive's statistics as lines of text."""
     archive = elites.archive
     numbers = archive.statistics()
     possible = len(archive.space.triples)

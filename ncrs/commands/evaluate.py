@@ -26,7 +26,12 @@ def add_parser(commands: Commands) -> None:
         "evaluate", help="test a robot on fresh episodes and save the result as JSON"
     )
     add_robot_arguments(parser)
-    parser.add_argument("--episodes", type=int, default=EPISODES, help="default: %(default)s")
+    parser.add_argument(
+        "--episodes",
+        type=int,
+        default=EPISODES,
+        help="number of fresh episodes; default: %(default)s",
+    )
     parser.add_argument("--engine", choices=sorted(ENGINES), default=REFERENCE_ENGINE)
     add_seed_argument(parser)
     parser.set_defaults(action=_run)

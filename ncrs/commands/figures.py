@@ -27,13 +27,13 @@ def add_parser(commands: Commands) -> None:
         "--axis",
         choices=tuple(AXES),
         default=_DEFAULTS.axis,
-        help="what fitness is plotted over; default: %(default)s",
+        help="horizontal axis of the fitness curves; default: %(default)s",
     )
     parser.add_argument(
         "--episodes",
         type=int,
         default=_DEFAULTS.episodes,
-        help="episodes whose last positions are shown; default: %(default)s",
+        help="number of episodes whose last positions are shown; default: %(default)s",
     )
     add_seed_argument(parser, _DEFAULTS.seed)
     parser.set_defaults(action=_run)

@@ -27,17 +27,23 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--name", default="film", help="name of the files; default: %(default)s")
     parser.add_argument("--format", choices=FORMATS, nargs="+", default=list(FORMATS))
     parser.add_argument(
-        "--episodes", type=int, default=_DEFAULTS.episodes, help="default: %(default)s"
+        "--episodes",
+        type=int,
+        default=_DEFAULTS.episodes,
+        help="number of episodes; default: %(default)s",
     )
     add_seed_argument(parser, _DEFAULTS.seed)
     parser.add_argument(
         "--speed",
         type=float,
         default=_DEFAULTS.speed,
-        help="1 is real time; default: %(default)s",
+        help="speed of the film, 1 is real time; default: %(default)s",
     )
     parser.add_argument(
-        "--height", type=int, default=_DEFAULTS.height, help="in pixels; default: %(default)s"
+        "--height",
+        type=int,
+        default=_DEFAULTS.height,
+        help="height in pixels; default: %(default)s",
     )
     parser.set_defaults(action=_run)
 

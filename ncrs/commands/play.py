@@ -1,4 +1,4 @@
-"""``ncrs play``: drive a body yourself, beside an evolved robot if you like."""
+"""``ncrs play``: drive a body with the keyboard, alone or beside an evolved robot."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ def add_parser(commands: Commands) -> None:
         "play", help="drive a body with the keyboard and edit it with the mouse, in a window"
     )
     add_robot_arguments(parser, nargs="?")
-    parser.add_argument("--body", help="yours to begin with, as rows: L#L/W#W/W#W")
+    parser.add_argument("--body", help="body that you start with, as rows: L#L/W#W/W#W")
     add_seed_argument(parser)
     parser.add_argument(
-        "--endless", action="store_true", help="drive on after the task's 100 steps"
+        "--endless", action="store_true", help="keep driving after the task's 100 steps"
     )
     parser.set_defaults(action=_run)
 

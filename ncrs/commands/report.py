@@ -28,7 +28,7 @@ def add_parser(commands: Commands) -> None:
         "--episodes",
         type=int,
         default=_DEFAULTS.episodes,
-        help="episodes recorded for every robot; default: %(default)s",
+        help="number of episodes recorded for every robot; default: %(default)s",
     )
     parser.add_argument(
         "--elites",
@@ -55,4 +55,4 @@ def _run(options: argparse.Namespace) -> None:
         f"{report.robots:,} robots, {report.recorded:,} with growth and episodes, "
         f"{report.size / 1e6:.1f} MB"
     )
-    print(f"Saved {report.page}; open it in a browser, it needs no network.")
+    print(f"Saved {report.page}; open it in a browser. It needs no network.")

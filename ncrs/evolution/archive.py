@@ -19,7 +19,7 @@ from ncrs_envs.errors import NCRSError
 PAPER_TRIPLES = 2024
 """The paper divides by this in all tasks; it is the number of triples of CarryBall alone."""
 SEED_LENGTH = 4
-"""Integers that say where an elite's scenarios came from, see ``Archive.add``."""
+"""Number of integers that identify an elite's scenarios, see ``Archive.add``."""
 NO_CELL = -1
 STANDING_STILL_MARGIN = 0.01
 """An elite beats standing still if it earns at least this much more: a robot that merely creeps
@@ -29,7 +29,7 @@ SUCCESS_FRACTION = 0.5
 
 
 class ArchiveError(NCRSError, ValueError):
-    """Values that an archive cannot take, or a state of another archive."""
+    """Values that an archive cannot hold, or a state of another archive."""
 
 
 class AddStatus(IntEnum):
@@ -45,7 +45,7 @@ class AddResult:
     """The effect of adding P genomes, one after the other."""
 
     cells: NDArray[np.int64]
-    """Cell of each genome, ``(P,)``; -1 without one: an invalid body, or NaN fitness."""
+    """Cell of each genome, ``(P,)``; -1 for an invalid body or NaN fitness."""
     status: NDArray[np.int8]
     """``AddStatus`` of each, ``(P,)``."""
     improvement: NDArray[np.float64]
@@ -82,19 +82,19 @@ class MeasureSpace:
         return table
 
     def cells(self, measures: NDArray[np.integer]) -> NDArray[np.int64]:
-        """Index into ``triples`` of each row of ``measures``, ``(P,)``; -1 if it is no triple."""
+        """Find each row of ``measures`` in ``triples``: its index, ``(P,)``; -1 if it has none."""
         inside = ((measures >= 0) & (measures <= self.max_cells)).all(axis=1)
         clipped = np.clip(measures, 0, self.max_cells)
         return np.where(inside, self._table[tuple(clipped.T)], NO_CELL)
 
 
 class Archive:
-    """One elite per measure triple, replaced when a better one comes.
+    """One elite per measure triple, replaced by any better one.
 
     Args:
-        space: the possible triples, K of them.
-        dimension: length N of a genome.
-        grid_size: side n of the bodies' grid.
+        space: The possible triples, K of them.
+        dimension: Length N of a genome.
+        grid_size: Side n of the bodies' grid.
     """
 
     def __init__(self, space: MeasureSpace, dimension: int, grid_size: int) -> None:
@@ -114,7 +114,7 @@ class Archive:
         }
 
     def __len__(self) -> int:
-        """Number of elites."""
+        """Return the number of elites."""
         return int(self._filled.sum())
 
     @property
@@ -127,13 +127,13 @@ class Archive:
         return np.flatnonzero(self._filled)
 
     def column(self, name: str) -> NDArray[Any]:
-        """A copy of one property of all elites, in the order of ``cells``.
+        """Copy one property of all elites, in the order of ``cells``.
 
         Args:
-            name: "genomes" float32 ``(E, N)``, "bodies" int8 ``(E, n, n)``, "fitness" float64,
-                "success" float64 (fraction of episodes, 0 to 1), "standing_still" float64 (fitness
-                of standing still in the elite's scenarios), "generations" int64, or "seeds" int64
-                ``(E, 4)``; the others are ``(E,)``.
+            name: Property: "genomes" float32 ``(E, N)``, "bodies" int8 ``(E, n, n)``, "fitness"
+                float64, "success" float64 (fraction of episodes, 0 to 1), "standing_still" float64
+                (fitness of standing still in the elite's scenarios), "generations" int64, or
+                "seeds" int64 ``(E, 4)``. Those without a shape are ``(E,)``.
         """
         taken: NDArray[Any] = self._columns[name][self.cells]
         return taken
@@ -143,7 +143,7 @@ class Archive:
         """Triples of the elites, ``(E, 3)``."""
         return self.space.triples[self.cells]
 
-    def add(
+    def add(  # noqa: PLR0913 - the public call, keywords only
         self,
         genomes: NDArray[np.floating],
         fitness: NDArray[np.float64],
@@ -158,18 +158,19 @@ class Archive:
         """Offer genomes in order; each replaces the elite of its triple if its fitness is larger.
 
         Args:
-            genomes: ``(P, N)``, kept in float32.
-            fitness: ``(P,)``; NaN is never an elite.
-            measures: ``(P, 3)``; -1 for bodies that the task cannot use, which are never elites.
-            bodies: ``(P, n, n)``.
-            success: fraction of each genome's episodes that succeeded, ``(P,)`` or one for all.
-            standing_still: fitness of standing still in its scenarios, ``(P,)`` or one for all.
-            generation: index of the generation that evaluated them.
-            seeds: seed and keys of the scenarios' random stream, filled up with -1, ``(P, 4)``,
+            genomes: Genomes, ``(P, N)``, kept in float32.
+            fitness: Fitness of each, ``(P,)``; one with NaN never becomes an elite.
+            measures: Measures of each, ``(P, 3)``; -1 for an invalid body, which never becomes an
+                elite.
+            bodies: Body of each, ``(P, n, n)``.
+            success: Fraction of each genome's episodes that succeeded, ``(P,)`` or one for all.
+            standing_still: Fitness of standing still in its scenarios, ``(P,)`` or one for all.
+            generation: Index of the generation that evaluated them.
+            seeds: Seed and keys of the scenarios' random stream, padded with -1, ``(P, 4)``,
                 ``(1, 4)`` or ``(4,)``. None for zeros.
 
         Raises:
-            ArchiveError: a shape that does not fit, or infinite fitness; nothing was added.
+            ArchiveError: If a shape is wrong or a fitness infinite. Nothing is added then.
         """
         fitness = np.asarray(fitness, dtype=np.float64)
         count = len(fitness)
@@ -212,10 +213,14 @@ class Archive:
         """Give all elites new estimates, in the order of ``cells``; those with NaN are dropped.
 
         Args:
-            fitness, success, standing_still, seeds: as for ``add``, for the E elites.
+            fitness: Fitness of each elite, ``(E,)``.
+            success: Fraction of its episodes that succeeded, ``(E,)``.
+            standing_still: Fitness of standing still in its scenarios, ``(E,)`` or one for all.
+            seeds: Seed and keys of the scenarios' random stream, ``(E, 4)`` or ``(4,)``.
 
         Raises:
-            ArchiveError: another number of values, or infinite fitness; nothing was changed.
+            ArchiveError: If the number of values is wrong or a fitness infinite. Nothing is
+                changed then.
         """
         cells = self.cells
         count = len(cells)
@@ -232,10 +237,10 @@ class Archive:
         self._columns["seeds"][cells] = seeds
 
     def draw(self, generator: np.random.Generator, count: int) -> NDArray[np.float64]:
-        """Genomes of ``count`` elites, drawn uniformly with replacement, float64 ``(count, N)``.
+        """Draw genomes of elites uniformly with replacement, float64 ``(count, N)``.
 
         Raises:
-            ArchiveError: the archive is empty.
+            ArchiveError: If the archive is empty.
         """
         cells = self.cells
         if not len(cells):
@@ -244,18 +249,18 @@ class Archive:
         return np.asarray(self._columns["genomes"][drawn], dtype=np.float64)
 
     def best_genome(self) -> NDArray[np.float64] | None:
-        """Genome of the fittest elite, float64 ``(N,)``; None if the archive is empty."""
+        """Return the fittest elite's genome, float64 ``(N,)``; None if the archive is empty."""
         if not len(self):
             return None
         best = int(np.nanargmax(self._columns["fitness"]))
         return np.asarray(self._columns["genomes"][best], dtype=np.float64)
 
     def statistics(self) -> dict[str, float]:
-        """Numbers for reports; best and mean are left out while the archive is empty.
+        """Compute numbers for reports; best and mean are left out while the archive is empty.
 
-        "filled_fraction" and "qd_score" (sum of the elites' fitness) are per possible triple, the
-        "_of_2024" ones per triple as the paper counts them. "beat_standing_still" and "succeed"
-        count elites, see ``STANDING_STILL_MARGIN`` and ``SUCCESS_FRACTION``.
+        "filled_fraction" and "qd_score" (sum of the elites' fitness) are per possible triple. With
+        "_of_2024" they are per triple of the paper, see ``PAPER_TRIPLES``. "beat_standing_still"
+        and "succeed" count elites, see ``STANDING_STILL_MARGIN`` and ``SUCCESS_FRACTION``.
         """
         fitness = self.column("fitness")
         gain = fitness - self.column("standing_still")
@@ -275,7 +280,7 @@ class Archive:
         return statistics
 
     def state(self) -> dict[str, Any]:
-        """Arrays and JSON values, for checkpoints; only filled cells take room."""
+        """Return arrays and JSON values for a checkpoint, for filled cells only."""
         return {
             **self._identity,
             "cells": self.cells,
@@ -283,11 +288,11 @@ class Archive:
         }
 
     def load_state(self, state: Mapping[str, Any]) -> None:
-        """Become the archive that gave ``state``.
+        """Restore the elites of a ``state``.
 
         Raises:
-            ArchiveError: the state is of other measures, genomes or bodies, or damaged; nothing
-                is changed.
+            ArchiveError: If the state is damaged, or has other measures, genomes or bodies.
+                Nothing is changed then.
         """
         for key, value in self._identity.items():
             if state[key] != value:
@@ -320,7 +325,7 @@ class Archive:
 
     @classmethod
     def from_state(cls, state: Mapping[str, Any]) -> Archive:
-        """The archive that gave ``state``; raises as ``load_state`` does."""
+        """Build an archive from its ``state``; raises as ``load_state`` does."""
         archive = cls(MeasureSpace(**state["space"]), state["dimension"], state["grid_size"])
         archive.load_state(state)
         return archive
@@ -336,5 +341,5 @@ def _check_not_infinite(fitness: NDArray[np.float64]) -> None:
     if len(infinite):
         raise ArchiveError(
             f"Fitness must not be infinite; it is for genomes {infinite.tolist()}. The archive is "
-            "as it was."
+            "unchanged."
         )

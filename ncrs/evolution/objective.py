@@ -13,22 +13,22 @@ from ncrs_envs.tasks import TaskSettings, playfield
 
 @dataclass(frozen=True)
 class Objective:
-    """Mean over the episodes of what the search should maximise.
+    """Mean over the episodes of the value that the search maximises.
 
-    The fitness of the paper is the mean reward, which hardly changes when a robot comes near enough
-    at last. The paper's discussion suggests to shape it by success.
+    The paper's fitness is the mean reward, which hardly changes when a robot finally comes near
+    enough to succeed. The paper's discussion suggests shaping it by success.
     """
 
     settings: TaskSettings
     success_bonus: float = 0.0
     """Added to the mean reward of an episode that succeeds."""
     approach_bonus: float = 0.0
-    """Added to an episode's mean reward times ``exp(-d / P)``, for its closest approach ``d`` to
-    the light and the playfield's half side P; in CarryBall the mean for the robot's closest
-    approach to the ball and the ball's to the target."""
+    """Added to an episode's mean reward, times ``exp(-d / P)`` with the closest approach ``d`` to
+    the light and the playfield's half side P. In CarryBall the factor is the mean for the robot's
+    closest approach to the ball and the ball's to the target."""
 
     def __call__(self, evaluation: Evaluation) -> NDArray[np.float64]:
-        """The objective of each genome, float64 ``(P,)``."""
+        """Compute the objective of each genome, float64 ``(P,)``."""
         extent = playfield(self.settings.grid_size)
         approach = np.exp(-evaluation.closest / extent).mean(axis=-1)
         bonus = self.success_bonus * evaluation.success + self.approach_bonus * approach

@@ -12,7 +12,7 @@ from ncrs.evolution.archive import Archive
 from ncrs.evolution.standstill import standing_still_fitness
 from ncrs_envs.scenario import Scenario
 
-# Genomes per call of the engine: bounds its memory, and how long a stop has to wait.
+# Genomes per call of the engine: bounds its memory, and the delay of a stop.
 _CHUNK = 256
 
 
@@ -23,24 +23,24 @@ def reestimate(
     seeds: NDArray[np.int64],
     should_stop: StopCheck | None = None,
 ) -> int:
-    """Evaluate all elites on the same fresh scenarios, and keep those estimates instead.
+    """Evaluate all elites on the same fresh scenarios, and replace their estimates.
 
-    Elites stay where they are; one whose fitness comes out NaN is dropped.
+    Elites keep their cells; one whose new fitness is NaN is dropped.
 
     Args:
-        archive: changed in place, only after all elites were evaluated.
-        engine: an engine for the archive's task.
+        archive: Archive to change in place, once all its elites are evaluated.
+        engine: Engine for the archive's task.
         scenarios: E fresh scenarios.
-        seeds: row that says where the scenarios came from, ``(4,)``, see ``Archive.add``.
-        should_stop: polled now and then; True ends the evaluation.
+        seeds: Seed and keys of the scenarios' random stream, ``(4,)``, see ``Archive.add``.
+        should_stop: Function that is polled now and then; True ends the evaluation.
 
     Returns:
         Number of elites that were dropped.
 
     Raises:
-        ArchiveError: an estimate is infinite; the archive is as it was.
-        EngineError: a worker was lost.
-        EvaluationInterrupted: ``should_stop`` returned True.
+        ArchiveError: If an estimate is infinite. The archive is unchanged then.
+        EngineError: If a worker was lost.
+        EvaluationInterrupted: If ``should_stop`` returned True.
     """
     genomes = archive.column("genomes")
     if not len(genomes):

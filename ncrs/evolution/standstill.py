@@ -16,10 +16,10 @@ from ncrs_envs.tasks import TaskSettings, distance_score, playfield
 def standing_still_fitness(
     settings: TaskSettings, scenarios: Sequence[Scenario] | ScenarioRows
 ) -> NDArray[np.float64]:
-    """Fitness of standing still, exactly: nothing moves, so every step earns the same.
+    """Compute the fitness of standing still, exactly: nothing moves, all steps earn the same.
 
     Args:
-        settings: the task with its settings.
+        settings: Task with its settings.
         scenarios: E scenarios, or rows of E.
 
     Returns:

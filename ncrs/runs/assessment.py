@@ -15,11 +15,11 @@ from ncrs_envs.body import body_to_characters
 from ncrs_envs.scenario import sample_scenarios
 
 EPISODES = 100
-"""Fresh episodes in the paper's tests."""
-_EPISODES_OF_A_DECIMAL = 1000
-"""From so many on a tenth of a percent is worth printing."""
+"""Number of fresh episodes in the paper's tests."""
+_EPISODES_FOR_A_DECIMAL = 1000
+"""Number of episodes from which on a tenth of a percent is worth printing."""
 REFERENCE_ENGINE = "box2d"
-"""Champions are tested in the reference physics, whichever engine they evolved on."""
+"""Engine of champions' tests, whichever they evolved on: the reference physics."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ class Proportion:
 
     @classmethod
     def of(cls, count: int, episodes: int) -> Proportion:
-        """Proportion and interval of a count."""
+        """Compute fraction and interval of a count."""
         return cls(count, episodes, count / episodes, wilson_interval(count, episodes))
 
     def percentages(self) -> tuple[str, str, str]:
-        """The fraction and the ends of its interval, as precisely as the episodes allow."""
-        digits = 0 if self.episodes < _EPISODES_OF_A_DECIMAL else 1
+        """Format the fraction and the ends of its interval, as precisely as the episodes allow."""
+        digits = 0 if self.episodes < _EPISODES_FOR_A_DECIMAL else 1
         fraction, low, high = (f"{value:.{digits}%}" for value in (self.fraction, *self.interval))
         return fraction, low, high
 
@@ -60,16 +60,16 @@ class Assessment:
     fitness_standard_error: float
     success: Proportion
     crossed: Proportion | None
-    """Obstacle only."""
+    """Episodes that crossed; None outside Obstacle."""
     body: str
-    """Rows of characters."""
+    """The body as rows of characters."""
 
     def as_json(self) -> dict[str, Any]:
-        """The result as JSON can hold it."""
+        """Return the result as JSON values."""
         return asdict(self)
 
     def lines(self) -> list[str]:
-        """The result in lines for people."""
+        """Format the result as lines of text."""
         lines = [
             f"fitness  {self.fitness:.4f} +- {self.fitness_standard_error:.4f} (standard error)",
             f"success  {self.success}",
@@ -87,7 +87,7 @@ def assess(
     engine: str = REFERENCE_ENGINE,
     workers: int | None = 1,
 ) -> Assessment:
-    """Run a robot on fresh episodes, in scenarios that no training run has seen.
+    """Test a robot on fresh episodes, in scenarios that no training run has seen.
 
     Args:
         robot: Robot whose genome is grown again for its task.
@@ -97,9 +97,9 @@ def assess(
         workers: Number of processes or threads; one genome keeps one busy.
 
     Raises:
-        ScenarioError: ``episodes`` is not a positive integer.
-        SeedError: ``seed`` is not a non-negative integer.
-        EngineSettingError: unknown engine.
+        ScenarioError: If ``episodes`` is not a positive integer.
+        SeedError: If ``seed`` is not a non-negative integer.
+        EngineSettingError: If there is no such engine.
     """
     settings = robot.task
     sequence = seed_sequence(seed, Stream.ASSESSMENT)

@@ -16,21 +16,21 @@ CHAMPION_FILE = "champion.npz"
 
 @dataclass(frozen=True, eq=False)
 class Champion(EvolvedRobot):
-    """A robot whose fitness is that on the scenarios that a run compares champions on."""
+    """A robot with its fitness on the scenarios that a run compares champions on."""
 
     generation: int
-    """When it was found."""
+    """Index of the generation that found it."""
     source: str
     """"sample" if it was drawn, "mean" if it is the mean of the search distribution, "elite" if it
     was the best of the archive."""
 
     @property
     def title(self) -> str:
-        """Name of the robot for people."""
+        """Name of the robot for display."""
         return self.name or f"champion of generation {self.generation}"
 
     def state(self) -> dict[str, Any]:
-        """Arrays and JSON values, for checkpoints; what a published champion adds is left out."""
+        """Return arrays and JSON values for a checkpoint, without name and card."""
         return {
             "genome": self.genome,
             "body": self.body,
@@ -43,7 +43,7 @@ class Champion(EvolvedRobot):
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> Champion:
-        """Inverse of ``state``."""
+        """Build a champion from its ``state``."""
         return cls(**{**state, "task": TaskSettings(**state["task"])})
 
     def save(self, path: Path) -> None:
@@ -55,8 +55,8 @@ def load_champion_file(path: str | Path) -> Champion:
     """Load a champion from a run's folder or from a champion's file.
 
     Raises:
-        ConfigError: neither is there.
-        CheckpointError: the file is damaged, or holds something else.
+        ConfigError: If there is neither.
+        CheckpointError: If the file is damaged, or holds something else.
     """
     path = run_file(
         path,
@@ -72,5 +72,5 @@ def load_champion_file(path: str | Path) -> Champion:
 
 
 def find_champion(run_dir: Path) -> Champion | None:
-    """The champion of a run; None if it has none yet. See ``load_champion_file`` for errors."""
+    """Load a run's champion; None if it has none yet. See ``load_champion_file`` for errors."""
     return load_champion_file(run_dir) if (run_dir / CHAMPION_FILE).is_file() else None

@@ -1,8 +1,8 @@
 """Checkpoints: nested dicts of arrays and JSON values in one file, written atomically.
 
 A file is an uncompressed ``.npz``: the arrays, and one JSON text that holds all else. Reading it
-executes nothing, and truncated or altered files are recognised: all checksums are verified before
-anything is made of the contents.
+executes nothing. Truncated or altered files are recognised: all checksums are verified before the
+contents are used.
 """
 
 from __future__ import annotations
@@ -36,21 +36,24 @@ class CheckpointError(NCRSError, RuntimeError):
 
 
 class DamagedCheckpointError(CheckpointError):
-    """A file that was read, and does not hold what was written."""
+    """A file whose contents are not those that were written."""
 
 
 class CheckpointWarning(UserWarning):
-    """A damaged checkpoint was passed over for the one before it."""
+    """A damaged checkpoint was skipped for the one before it."""
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Turn what the file system refuses in the block into a ``CheckpointError``.
+    """Turn the file system's errors in the block into a ``CheckpointError``.
 
     The block promises that earlier contents survive: it appends, or replaces whole files.
 
     Args:
-        path: the file or folder that is written, for the message.
+        path: File or folder that is written, for the message.
+
+    Raises:
+        CheckpointError: If the block raises ``OSError``.
     """
     try:
         yield
@@ -62,12 +65,13 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
-    """Write a file so that at any moment the old or the new one is there, whole.
+    """Write a file so that at any moment the old or the new one exists, whole.
 
     Raises:
-        CheckpointError: the disk is full, or the folder cannot be written; the old file is intact.
+        CheckpointError: If the disk is full, or the folder cannot be written. The old file is
+            intact then.
     """
-    # One name: what a killed process left behind is overwritten, not collected.
+    # A fixed name: the next write replaces any file that a killed process has left.
     temporary = path.with_name(f".{path.name}{_TEMPORARY}")
     with writing(path):
         try:
@@ -101,8 +105,8 @@ def write_state(path: Path, state: dict[str, Any]) -> None:
     """Write a nested dict of arrays and JSON values, atomically.
 
     Raises:
-        CheckpointError: it could not be written.
-        TypeError: the state holds something else.
+        CheckpointError: If it could not be written.
+        TypeError: If the state holds something else.
     """
     arrays: dict[str, NDArray[Any]] = {}
     text = json.dumps(_take_arrays(state, arrays))
@@ -111,18 +115,18 @@ def write_state(path: Path, state: dict[str, Any]) -> None:
 
 
 def read_state(path: Path) -> dict[str, Any]:
-    """Read what ``write_state`` wrote.
+    """Read a file that ``write_state`` wrote.
 
     Raises:
-        CheckpointError: the file cannot be read.
-        DamagedCheckpointError: it is truncated, altered, or something else.
+        CheckpointError: If the file cannot be read.
+        DamagedCheckpointError: If it is truncated, altered, or something else.
     """
     try:
         content = io.BytesIO(path.read_bytes())
     except OSError as error:
         raise CheckpointError(f"Could not read {path}: {error.strerror or error}.") from error
     try:
-        # An array is read as far as its header says, which need not be as far as its checksum.
+        # numpy reads an array only as far as its header says, and may not reach the checksum.
         with zipfile.ZipFile(content) as members:
             altered = members.testzip()
         if altered is not None:
@@ -163,7 +167,11 @@ def _put_arrays(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 class CheckpointFolder:
-    """The newest two checkpoints of a run."""
+    """The newest two checkpoints of a run.
+
+    Args:
+        folder: Folder of the checkpoints, made if missing.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -178,7 +186,7 @@ class CheckpointFolder:
         """Write the state from which ``generation`` starts; drop all but the newest two.
 
         Raises:
-            CheckpointError: it could not be written, or the one before it, in the background.
+            CheckpointError: If it could not be written, or the background save before it failed.
         """
         self.wait()
         return self._write(generation, state)
@@ -186,11 +194,11 @@ class CheckpointFolder:
     def save_in_background(self, generation: int, state: dict[str, Any]) -> None:
         """Start a ``save`` in a thread and return, so that a large state stalls nothing.
 
-        A save that is still under way is waited for. No array of ``state`` may change any more; the
-        optimizers' states are copies.
+        Waits for a save that is under way. The arrays of ``state`` must not change until this one
+        has ended; the optimizers' states are copies.
 
         Raises:
-            CheckpointError: the save before this one failed.
+            CheckpointError: If the save before this one failed.
         """
         self.wait()
         self._writer = threading.Thread(
@@ -204,7 +212,7 @@ class CheckpointFolder:
         return self._writer is not None and self._writer.is_alive()
 
     def wait(self) -> None:
-        """Return when nothing is being written; raise what the last background save raised."""
+        """Return when nothing is being written; raise any error of the last background save."""
         if self._writer is not None:
             self._writer.join()
             self._writer = None
@@ -222,7 +230,7 @@ class CheckpointFolder:
         with writing(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
             for unfinished in self.folder.glob(f".*{_TEMPORARY}"):
-                unfinished.unlink()  # left by a process that was killed while it wrote
+                unfinished.unlink()  # left by a process that was killed while writing
         path = self.folder / f"generation_{generation:08d}.npz"
         write_state(path, state)
         with writing(self.folder):
@@ -231,12 +239,13 @@ class CheckpointFolder:
         return path
 
     def load(self) -> dict[str, Any]:
-        """Read the newest whole checkpoint; warn about each damaged one that is passed over.
+        """Read the newest whole checkpoint; warn about each damaged one that is skipped.
 
-        Those get another name, so that they do not count among the newest two.
+        Damaged ones are renamed, so that they do not count among the newest two.
 
         Raises:
-            CheckpointError: there is none; or one cannot be read, or a damaged one not renamed.
+            CheckpointError: If there is no whole one, one cannot be read, or a damaged one cannot
+                be renamed.
         """
         self.wait()
         damaged: dict[Path, str] = {}
@@ -246,10 +255,10 @@ class CheckpointFolder:
             except DamagedCheckpointError as error:
                 damaged[path] = str(error)
                 continue
-            for passed, message in damaged.items():
-                renamed = passed.with_name(passed.name + _DAMAGED)
+            for skipped, message in damaged.items():
+                renamed = skipped.with_name(skipped.name + _DAMAGED)
                 with writing(self.folder):
-                    passed.replace(renamed)
+                    skipped.replace(renamed)
                 warnings.warn(
                     f"{message} It is now {renamed.name}; the run resumes from {path.name}.",
                     CheckpointWarning,

@@ -1,4 +1,4 @@
-"""Archives of bodies: their file, and elites that are ready to use."""
+"""A run's archive: its file, and its elites as robots."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class EliteError(NCRSError, LookupError, ValueError):
 
 
 def measure_space(task: Task, grid_size: int) -> MeasureSpace:
-    """The measure triples that valid bodies of a task can have."""
+    """Return the measure triples that valid bodies of a task can have."""
     wheels = sum(count for cell, count in task.required_parts if cell is Cell.WHEEL)
     return MeasureSpace(task.min_sensors, wheels, grid_size**2)
 
 
 def make_archive(settings: TaskSettings) -> Archive:
-    """An empty archive for a task."""
+    """Make an empty archive for a task."""
     space = measure_space(settings.task, settings.grid_size)
     return Archive(space, nca_layout(settings.task).num_parameters, settings.grid_size)
 
@@ -50,17 +50,17 @@ class Elite(EvolvedRobot):
     """
 
     generation: int
-    """When it was found."""
+    """Index of the generation that found it."""
     evaluation_seed: tuple[int, ...]
-    """Entropy, then spawn key, of its scenarios."""
+    """Seed and keys of its scenarios' random stream."""
     episodes: int
     """Number of its scenarios."""
     sampling: ScenarioSampling = PLAIN_SAMPLING
-    """The way in which they were drawn."""
+    """Sampling of its scenarios."""
 
     @property
     def title(self) -> str:
-        """Name of the robot for people."""
+        """Name of the robot for display."""
         return f"elite with measures {self.measures}"
 
     @property
@@ -70,7 +70,7 @@ class Elite(EvolvedRobot):
         return self.sampling.draw(self.task.name, sequence, self.episodes, self.task.grid_size)
 
     def evaluate(self, engine: str = AUTO_ENGINE) -> Evaluation:
-        """Run it in its scenarios again: on the engine it was found on, to the same fitness."""
+        """Evaluate it in its scenarios again; the engine that found it gives the same fitness."""
         return evaluate(
             self.genome,
             self.task.name,
@@ -84,20 +84,20 @@ class Elite(EvolvedRobot):
 
 @dataclass(frozen=True)
 class EliteArchive:
-    """An archive with its task, and with how its elites were evaluated."""
+    """An archive with its task, and the scenarios of its elites' evaluation."""
 
     task: TaskSettings
     archive: Archive
     episodes: int
-    """Scenarios behind each elite's fitness."""
+    """Number of scenarios behind each elite's fitness."""
     sampling: ScenarioSampling = PLAIN_SAMPLING
-    """The way in which they were drawn."""
+    """Sampling of these scenarios."""
 
     def elite(self, measures: Sequence[int]) -> Elite:
-        """The elite with these measures: sensors, wheels, cells.
+        """Return the elite with these measures: sensors, wheels, cells.
 
         Raises:
-            EliteError: there is none; the message names the nearest that there are.
+            EliteError: If there is none. The message names the nearest elites.
         """
         wanted = np.asarray(measures)
         if wanted.shape != (3,) or not np.issubdtype(wanted.dtype, np.integer):
@@ -151,8 +151,8 @@ def load_archive(path: str | Path) -> EliteArchive:
     """Load an archive from a run's folder or from an archive's file.
 
     Raises:
-        ConfigError: neither is there.
-        CheckpointError: the file is damaged, or holds something else.
+        ConfigError: If there is neither.
+        CheckpointError: If the file is damaged, or holds something else.
     """
     path = run_file(
         path,
@@ -177,7 +177,7 @@ def load_archive(path: str | Path) -> EliteArchive:
 
 
 def find_archive(run_dir: Path) -> EliteArchive | None:
-    """The archive of a run; None if it has written none. See ``load_archive`` for errors."""
+    """Load the archive of a run; None if it has none. See ``load_archive`` for errors."""
     return load_archive(run_dir) if (run_dir / ARCHIVE_FILE).is_file() else None
 
 
@@ -189,8 +189,8 @@ def load_elite(path: str | Path, measures: Sequence[int]) -> Elite:
         measures: Number of sensors of all types, of wheels, and of occupied cells.
 
     Raises:
-        EliteError: there is no such elite; the message names the nearest that there are.
-        ConfigError: there is no such file.
-        CheckpointError: the file is damaged, or holds something else.
+        EliteError: If there is no such elite. The message names the nearest elites.
+        ConfigError: If there is no such file.
+        CheckpointError: If the file is damaged, or holds something else.
     """
     return load_archive(path).elite(measures)

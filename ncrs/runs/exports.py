@@ -23,14 +23,14 @@ CSV_COLUMNS = (
 
 
 class ExportError(NCRSError, ValueError):
-    """An export that needs a package that is not installed."""
+    """An export whose package is not installed."""
 
 
 def write_csv(elites: EliteArchive, path: Path) -> None:
     """Write one line per elite, without genomes; rows of a body are joined by "/".
 
     Raises:
-        CheckpointError: it could not be written.
+        CheckpointError: If it could not be written.
     """
     archive = elites.archive
     text = io.StringIO(newline="")
@@ -47,13 +47,13 @@ def write_csv(elites: EliteArchive, path: Path) -> None:
 
 
 def to_pyribs(archive: Archive) -> Any:
-    """A ``ribs.archives.GridArchive`` with the same elites, one grid cell per measure triple.
+    """Make a ``ribs.archives.GridArchive`` of the elites, one grid cell per measure triple.
 
-    Its measures are sensors, wheels and cells; fields "body", "generation", "success" and
-    "evaluation_seed" (filled up with -1) go along.
+    Its measures are sensors, wheels and cells; its extra fields are "body", "generation", "success"
+    and "evaluation_seed" (padded with -1).
 
     Raises:
-        ExportError: pyribs is not installed.
+        ExportError: If pyribs is not installed.
     """
     try:
         from ribs.archives import GridArchive

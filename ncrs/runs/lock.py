@@ -20,11 +20,11 @@ class RunError(NCRSError, RuntimeError):
 
 @contextmanager
 def locked(run_dir: Path) -> Iterator[None]:
-    """Hold a run's folder, which is made if missing, against other processes.
+    """Lock a run's folder, made if missing, against other processes.
 
     Raises:
-        RunError: another process holds it.
-        CheckpointError: it cannot be written.
+        RunError: If another process has locked it.
+        CheckpointError: If it cannot be written.
     """
     with writing(run_dir):
         run_dir.mkdir(parents=True, exist_ok=True)

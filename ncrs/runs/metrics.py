@@ -18,7 +18,7 @@ GENERATION = "generation"
 
 
 def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Names of the columns, and the whole rows: a killed run may have left half a row."""
+    """Read the columns' names and the whole rows: a killed run may have left half a row."""
     if not path.is_file():
         return [], []
     text = path.read_text(encoding="utf-8")
@@ -29,12 +29,12 @@ def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
 
 
 class MetricsFile:
-    """Appends a row per generation; a metric that comes up later gets a column then.
+    """Appends a row per generation, and a column when a new metric appears.
 
     Args:
-        folder: the run's folder.
-        start: first generation to come; rows from there on, of a run that is now resumed, are
-            dropped.
+        folder: The run's folder.
+        start: Index of the first generation to come; when a run is resumed, its rows from there on
+            are dropped.
     """
 
     def __init__(self, folder: Path, start: int) -> None:
@@ -66,10 +66,10 @@ def _text(value: float | None) -> str:
 
 
 def read_metrics(run_dir: Path) -> dict[str, NDArray[np.float64]]:
-    """The columns of a run's table, each ``(generations,)``; NaN where a metric was not taken.
+    """Read the columns of a run's table, each ``(generations,)``; NaN where a value is missing.
 
     Raises:
-        ConfigError: the run has no table, or it is not one.
+        ConfigError: If the run has no table, or one that is damaged.
     """
     path = run_dir / METRICS_FILE
     names, rows = _rows(path)
@@ -80,5 +80,5 @@ def read_metrics(run_dir: Path) -> dict[str, NDArray[np.float64]]:
     try:
         table = np.array([[float(value or "nan") for value in row] for row in rows])
     except ValueError as error:
-        raise ConfigError(f"{path} is no table of numbers: {error}.") from error
+        raise ConfigError(f"{path} is not a table of numbers: {error}.") from error
     return dict(zip(names, table.T, strict=True))

@@ -23,26 +23,26 @@ class ChampionError(NCRSError, LookupError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class PublishedChampion(Champion):
-    """A champion with the record of where it came from and how it was tested."""
+    """A champion with the record of its training and its tests."""
 
     card: dict[str, Any] = field(kw_only=True)
     """The record: the "commands" that trained it, one after the other, the "config" of the last,
-    "generations", "evaluations" and "env_steps" of all; the "generation" and "source" of the
-    genome, as in ``Champion``; under "tests" the result on 1,000 fresh episodes on each engine, see
+    and "generations", "evaluations" and "env_steps" of all; the genome's "generation" and "source",
+    as in ``Champion``; under "tests" the result on 1,000 fresh episodes on each engine, see
     ``ncrs.runs.assessment.Assessment``; and statistics of the run's "archive", see
     ``ncrs.evolution.archive.Archive.statistics``."""
 
 
 def file_stem(name: str) -> str:
-    """Name of a champion's files without suffix: "light_chase/best" is light_chase-best."""
+    """Return the name of a champion's files without suffix, such as "light_chase-best"."""
     return name.replace("/", "-")
 
 
 def champions_folder() -> Path:
-    """Folder of the champions' files: in the checkout, or among the installed data.
+    """Find the folder of the champions' files: in the checkout, or among the installed data.
 
     Raises:
-        ChampionError: neither has any: the installation is not whole.
+        ChampionError: If there is neither, because the installation is incomplete.
     """
     if CHECKOUT_FOLDER.is_dir():
         return CHECKOUT_FOLDER
@@ -54,16 +54,16 @@ def champions_folder() -> Path:
     for file in files:
         if file.as_posix().rpartition("/")[0].endswith(_INSTALLED):
             return Path(str(file.locate())).parent
-    raise ChampionError("This installation of ncrs has no champions; install it again.")
+    raise ChampionError("This installation of ncrs has no champions; reinstall it.")
 
 
 def champion_file(name: str) -> Path:
-    """The file of a champion that ``champions()`` lists."""
+    """Return the file of a champion that ``champions()`` lists."""
     return champions_folder() / f"{file_stem(name)}{CHAMPION_SUFFIX}"
 
 
 def champions() -> list[str]:
-    """Names that ``load_champion`` takes, in alphabetical order."""
+    """List the names that ``load_champion`` takes, in alphabetical order."""
     paths = champions_folder().glob(f"*{CARD_SUFFIX}")
     whole = [path.stem for path in paths if path.with_suffix(CHAMPION_SUFFIX).is_file()]
     return sorted(stem.replace("-", "/") for stem in whole)
@@ -76,14 +76,14 @@ def load_champion(name: str) -> PublishedChampion:
         name: Task and recipe, such as "light_chase/best"; ``champions()`` lists all.
 
     Returns:
-        Its ``nca``, ``body``, ``genome``, ``task``, and the ``card`` with its tests.
+        The robot, with ``nca``, ``body``, ``genome``, ``task``, and the ``card`` with its tests.
 
     Raises:
-        ChampionError: there is none of that name.
-        CheckpointError: its files are damaged.
+        ChampionError: If there is none of that name.
+        CheckpointError: If its files are damaged.
     """
     if name not in champions():
-        raise ChampionError(f"There is no champion {name!r}; there are {champions()}.")
+        raise ChampionError(f"There is no champion {name!r}; choose one of {champions()}.")
     file = champion_file(name)
     champion = load_champion_file(file)
     try:

@@ -19,21 +19,21 @@ class EvolvedRobot:
     """A genome with its body and its task, checked where it is made.
 
     Raises:
-        GenomeError: a genome that does not fit the task.
-        BodyError: a malformed body, or one that the task cannot use.
+        GenomeError: If the genome does not fit the task.
+        BodyError: If the body is malformed, or the task cannot use it.
     """
 
     genome: NDArray[np.float32]
-    """Shape ``(num_parameters,)``."""
+    """All weights of its NCA, ``(num_parameters,)``."""
     body: NDArray[np.int8]
     """Cell codes, ``(n, n)``."""
     task: TaskSettings
     fitness: float
-    """Mean over the scenarios that it was evaluated on; NaN if unknown."""
+    """Mean reward over the scenarios that it was evaluated on; NaN if unknown."""
     success: float
     """Fraction of those scenarios that succeeded, 0 to 1; NaN if unknown."""
     name: str = field(default="", kw_only=True)
-    """As a published champion such as "light_chase/best", or as a file; empty for others."""
+    """Name of a published champion, such as "light_chase/best", or of a file; empty for others."""
 
     def __post_init__(self) -> None:
         task = self.task.task
@@ -46,7 +46,7 @@ class EvolvedRobot:
         return NCA(self.task.name).set_genome(self.genome)
 
     def growth(self) -> Growth:
-        """Grow it again and keep every step."""
+        """Grow the body again and keep every step."""
         return record_growth(self.nca, self.task.grid_size)
 
     @property
@@ -57,5 +57,5 @@ class EvolvedRobot:
 
     @property
     def title(self) -> str:
-        """Name of the robot for people."""
+        """Name of the robot for display."""
         return self.name or "robot"

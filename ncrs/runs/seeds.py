@@ -1,7 +1,6 @@
 """Random streams: one seed is split into a stream for each purpose.
 
-What one stream draws never depends on how much another has drawn, on the engine, or on the number
-of workers.
+The numbers of a stream never depend on other streams, on the engine, or on the number of workers.
 """
 
 from __future__ import annotations
@@ -17,12 +16,12 @@ from ncrs.evolution.archive import SEED_LENGTH
 from ncrs_envs.errors import NCRSError
 
 MAX_SEED = 2**63 - 1
-"""Archives keep seeds as int64."""
+"""Largest seed, since archives keep seeds as int64."""
 _FILL = -1
 
 
 class SeedError(NCRSError, ValueError):
-    """A seed that is out of range, or numbers that name no stream."""
+    """A seed that is out of range, or numbers that identify no stream."""
 
 
 class Stream(IntEnum):
@@ -54,24 +53,24 @@ def check_seed(seed: Any) -> int:
 
 
 def seed_sequence(seed: int, stream: Stream, *keys: int) -> np.random.SeedSequence:
-    """One stream of a seed.
+    """Derive a stream from a seed.
 
     Args:
-        seed: the run's, or the command's.
-        stream: its purpose.
-        keys: tell streams of one purpose apart, see ``Stream``.
+        seed: Seed of a run or a command.
+        stream: Purpose of the stream.
+        *keys: Further keys, which distinguish streams of one purpose, see ``Stream``.
 
     Raises:
-        SeedError: the seed is no integer from 0 to ``MAX_SEED``.
+        SeedError: If the seed is not an integer from 0 to ``MAX_SEED``.
     """
     return np.random.SeedSequence(check_seed(seed), spawn_key=(int(stream), *keys))
 
 
 def seed_row(sequence: np.random.SeedSequence) -> NDArray[np.int64]:
-    """A stream as archives keep it: seed and keys, filled up with -1, int64 ``(4,)``.
+    """Convert a stream to an archive's row: seed and keys, padded with -1, int64 ``(4,)``.
 
     Raises:
-        SeedError: its entropy is no seed, or it has more than three keys.
+        SeedError: If its entropy is not a seed, or it has more than three keys.
     """
     numbers = [check_seed(sequence.entropy), *sequence.spawn_key]
     if len(numbers) > SEED_LENGTH:
@@ -82,15 +81,15 @@ def seed_row(sequence: np.random.SeedSequence) -> NDArray[np.int64]:
 
 
 def row_numbers(row: Iterable[int]) -> tuple[int, ...]:
-    """Seed and keys of a row, without what fills it up."""
+    """Return the seed and keys of a row, without its padding."""
     return tuple(int(number) for number in row if number != _FILL)
 
 
 def row_sequence(row: Iterable[int]) -> np.random.SeedSequence:
-    """The stream that gave a row; inverse of ``seed_row``.
+    """Return the stream of a row: the inverse of ``seed_row``.
 
     Raises:
-        SeedError: the row names no stream.
+        SeedError: If the row identifies no stream.
     """
     numbers = row_numbers(row)
     if not numbers or min(numbers) < 0:

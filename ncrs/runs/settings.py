@@ -1,7 +1,7 @@
 """The settings of a training run: plain records with their checks, and their JSON form.
 
 A default and its explanation stand at the field; ``python train.py --help`` lists both.
-``ncrs.training.hydra`` gives the records to Hydra; nothing here needs it.
+``ncrs.training.hydra`` gives the records to Hydra, which nothing here needs.
 """
 
 from __future__ import annotations
@@ -38,15 +38,16 @@ class EngineSettings:
     """The engine that evaluates the populations.
 
     Raises:
-        ConfigError: a setting is of another type.
-        EngineSettingError: there is no such engine, or ``workers`` is not positive.
+        ConfigError: If a setting has another type.
+        EngineSettingError: If there is no such engine, or ``workers`` is not positive.
     """
 
     name: str = AUTO_ENGINE
-    """The engine; chosen with engine=NAME: batched, a whole population in one compiled call; box2d,
-    the reference physics; or auto, the faster of those that work here."""
+    """Name of the engine, chosen with engine=NAME: batched, a whole population in one compiled
+    call; box2d, the reference physics; or auto, the fastest that works here."""
     workers: int | None = None
-    """Threads of batched, processes of box2d; null for one per core. They do not change results."""
+    """Number of threads (batched) or processes (box2d), which does not change results; null for one
+    per core."""
 
     def __post_init__(self) -> None:
         check_types(self, ConfigError)
@@ -59,50 +60,50 @@ class TrainConfig:
     """All settings of a run, checked where they are made.
 
     Raises:
-        ConfigError: a setting is of another type, out of range, or does not go with another.
+        ConfigError: If a setting has another type, is out of range, or conflicts with another.
     """
 
     task: TaskSettings = field(default_factory=TaskSettings)
     optimizer: OptimizerSettings = field(default_factory=SepCMAESSettings)
     engine: EngineSettings = field(default_factory=EngineSettings)
     seed: int = 0
-    """Seed of the whole run: it decides the result, whatever the number of workers."""
+    """Seed of the whole run: it determines the result, whatever the number of workers."""
     generations: int = 1000
-    """Generations until the run ends; may be raised on resuming."""
+    """Number of generations of the run; may be raised on resuming."""
     episodes: int = 6
     """Episodes per evaluation; 12 in the paper."""
     common_scenarios: bool = True
-    """All genomes of a generation meet the same scenarios, new ones every generation."""
+    """Evaluate all genomes of a generation in the same scenarios; they are new every generation."""
     mirroring: str = AUTO_MIRRORING
-    """Scenarios in mirror images, so that driving blindly cannot pay: none; front_back, a light
-    ahead and the same behind (where the other tasks never put it); all images within the task, left
-    and right too; or auto, those that make a difference to what is searched."""
+    """Mirror images of scenarios, so that driving blindly does not pay: none; front_back, the same
+    light ahead and behind (where the other tasks never put it); all that the task allows, left and
+    right too; or auto, those that make a difference to the search."""
     placement_noise: float = NOISE
-    """Largest distance of light or ball from its usual place in training, 0 to 0.35 of the
-    playfield's half side P, which is 60 units for 5 x 5 cells; champions are compared at the
+    """Maximum distance of the light or ball from the middle of its region in training, 0 to 0.35 of
+    the playfield's half side P, which is 60 units for 5 x 5 cells; champions are compared at the
     paper's 0.05."""
     symmetric: bool = True
     """Search only automata that treat left and right alike, which makes steering easier to find."""
     success_bonus: float = 0.0
-    """Added to the fitness of an episode that succeeds, as the optimizer is told it; the archive
-    and all reports keep the plain fitness."""
+    """Bonus on the fitness of an episode that succeeds, for the optimizer only: the archive and all
+    reports keep the plain fitness."""
     approach_bonus: float = 0.0
-    """Added to that fitness, times exp(-d / P) with the episode's closest approach d."""
+    """Bonus on that fitness, times exp(-d / P) with the episode's closest approach d."""
     start_from: str | None = None
     """Genome at which the search starts, instead of zero: a run's folder, a champion's file, or the
     name of a champion that comes with the package; of any task."""
     champion_every: int = 25
-    """Generations from one round of the champion to the next: the generation's best genome and the
-    mean (or the best elite) are evaluated again; the best so far is the champion."""
+    """Generations between two choices of the champion: the generation's best genome and the mean
+    (or the best elite) are evaluated again, and the best so far is the champion."""
     champion_episodes: int = 48
-    """Episodes of such an evaluation, on the same scenarios for the whole run."""
+    """Episodes of that evaluation, in the same scenarios for the whole run."""
     reestimate_every: int = 0
     """Generations between two evaluations of all the archive's elites on fresh scenarios; 0 for
     never. One costs as much as elites / population generations."""
     checkpoint_seconds: float = 30.0
     """Seconds between two checkpoints; 0 writes one every generation."""
     resume: str | None = None
-    """Folder of a run to continue."""
+    """Folder of a run to resume."""
 
     def __post_init__(self) -> None:
         check_types(self, ConfigError)
@@ -129,7 +130,7 @@ class TrainConfig:
             )
 
     def sampling(self) -> ScenarioSampling:
-        """The sampling of scenarios, with the mirroring that "auto" stands for; checked."""
+        """Return the checked sampling of scenarios, with "auto" mirroring resolved."""
         try:
             mirroring = resolve_mirroring(self.mirroring, self.task.task, self.symmetric)
             return ScenarioSampling(mirroring, self.placement_noise).check()
@@ -137,7 +138,7 @@ class TrainConfig:
             raise ConfigError(str(error)) from error
 
     def resolved(self) -> TrainConfig:
-        """These settings with what "auto" stands for in its place."""
+        """Return these settings with every "auto" resolved."""
         return replace(
             self,
             engine=replace(self.engine, name=resolve_engine(self.engine.name)),
@@ -158,21 +159,21 @@ _MINIMA = {
 
 
 def unknown_setting(name: str, record: type) -> ConfigError:
-    """The error for a setting that a record does not have.
+    """Build the error for a setting that a record does not have.
 
     Args:
         name: Dotted name of the setting.
         record: Class of the settings among which it was given.
     """
     group, _, key = name.rpartition(".")
-    of = f"{group}." if group else ""
+    prefix = f"{group}." if group else ""
     if group == "optimizer":
         owners = [name for name, entry in OPTIMIZERS.items() if key in _names(entry.settings)]
         if owners:
             have = "has" if len(owners) == 1 else "have"
             own = {item.name: item.default for item in fields(record)}["name"]
             return ConfigError(f"{own} has no setting {name!r}; {' and '.join(owners)} {have} it.")
-    known = {other: f"{of}{other}" for other in _names(record)}
+    known = {other: f"{prefix}{other}" for other in _names(record)}
     if record is TrainConfig:  # a setting of a group may have been given without the group
         groups = (("task", TaskSettings), ("engine", EngineSettings))
         optimizers = (("optimizer", entry.settings) for entry in OPTIMIZERS.values())
@@ -189,10 +190,10 @@ def _names(record: type) -> list[str]:
 
 
 def config_from_dict(values: Mapping[str, Any]) -> TrainConfig:
-    """Build the settings from nested dicts, as JSON holds them.
+    """Build the settings from nested dicts of JSON values.
 
     Raises:
-        ConfigError: a setting is unknown, or one of the records refuses it.
+        ConfigError: If a setting is unknown, or a record refuses it.
     """
     arguments = dict(values)
     try:
@@ -223,10 +224,15 @@ def _record(record: type[_Record], values: Mapping[str, Any], prefix: str = "") 
 
 
 def run_file(path: str | Path, name: str, hint: str) -> Path:
-    """The file of that name in a run's folder, or ``path`` itself where it is such a file.
+    """Find a file in a run's folder.
+
+    Args:
+        path: Folder of a run, or the file itself.
+        name: Name of the file in the folder.
+        hint: Path to give instead, as the end of the error's message.
 
     Raises:
-        ConfigError: it does not exist; ``hint`` says what to give instead.
+        ConfigError: If there is no such file.
     """
     path = Path(path)
     if path.is_dir():
@@ -244,11 +250,11 @@ def save_config(config: TrainConfig, run_dir: Path) -> None:
 
 
 CHANGED_ON_RESUME = ("generations", "engine.workers", "checkpoint_seconds")
-"""Settings that may differ when a run is resumed; all others are the run's own."""
+"""Settings that may change when a run is resumed."""
 
 
 def lasting_settings(config: TrainConfig) -> dict[str, Any]:
-    """The settings that a run keeps when it is resumed, as JSON can hold them."""
+    """Return the settings that a run keeps when it is resumed, as JSON values."""
     values = asdict(config.resolved())
     for name in (*CHANGED_ON_RESUME, "resume"):
         group, _, key = name.rpartition(".")
@@ -260,9 +266,9 @@ def check_same_settings(run: Mapping[str, Any], given: Mapping[str, Any], prefix
     """Raise ``ConfigError``, which names both values, where settings differ from the run's own.
 
     Args:
-        run: Settings by name, some of them in groups.
-        given: Settings in the same form. What only one of them names is not compared.
-        prefix: Name of the group that both are.
+        run: The run's settings by name, some of them in groups.
+        given: The given settings in the same form. Only settings of both are compared.
+        prefix: Name of the group that both are, with its dot.
     """
     for name, value in run.items():
         if name not in given:
@@ -277,7 +283,11 @@ def check_same_settings(run: Mapping[str, Any], given: Mapping[str, Any], prefix
 
 
 def load_config(run_dir: Path) -> TrainConfig:
-    """Read a run's settings; ``ConfigError`` if the folder holds no run."""
+    """Read a run's settings.
+
+    Raises:
+        ConfigError: If the folder holds no run, or its settings are invalid.
+    """
     path = run_dir / SETTINGS_FILE
     if not path.is_file():
         raise ConfigError(f"{run_dir} holds no run: there is no {SETTINGS_FILE} in it.")

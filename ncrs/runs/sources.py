@@ -1,4 +1,4 @@
-"""Load a robot from wherever there is one: a run, a file, or the package."""
+"""Load a robot from a run, a file, or the package."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ def load_robot(
             genome as ``.npy`` (with ``task``); or, if there is no such path, the name of a
             published champion.
         measures: Sensors, wheels and cells of an elite, instead of the champion.
-        task: Task of a genome; the other sources say theirs.
-        grid_size: Side of a genome's body; None for the usual one.
+        task: Task of a genome; other sources have their own.
+        grid_size: Side of a genome's body; None for the default.
 
     Raises:
-        SourceError: no such path or name, a run without a champion, or options that the source
-            does not need or lacks.
-        ConfigError: a folder that holds no run.
-        EliteError: no elite with these measures.
-        GenomeError: a file that holds no genome of the task.
-        BodyError: the genome grows a body that the task cannot use.
-        CheckpointError: a damaged file.
-        ChampionError: there is no such path, and the installation has no champions.
+        SourceError: If there is no such path or name, the run has no champion, or an option is
+            missing or does not apply to the source.
+        ConfigError: If the folder holds no run.
+        EliteError: If there is no elite with these measures.
+        GenomeError: If the file holds no genome of the task.
+        BodyError: If the genome grows a body that the task cannot use.
+        CheckpointError: If a file is damaged.
+        ChampionError: If there is no such path, and the installation has no champions.
     """
     path = Path(source)
     if not path.exists() and path.as_posix() not in champions():
@@ -61,7 +61,7 @@ def load_robot(
     is_genome = path.exists() and path.suffix == GENOME_SUFFIX
     if not is_genome and (task is not None or grid_size is not None):
         raise SourceError(
-            f"A task and a grid size are for genomes ({GENOME_SUFFIX}); {source} says its own."
+            f"A task and a grid size are for genomes ({GENOME_SUFFIX}); {source} has its own."
         )
     if measures is not None and (is_genome or not path.exists()):
         raise SourceError(f"{source} is not a run or an archive; measures choose from those.")
@@ -82,14 +82,12 @@ def load_robot(
 
 def _from_genome(path: Path, task: str | None, grid_size: int | None) -> EvolvedRobot:
     if task is None:
-        raise SourceError(
-            f"{path} holds a genome alone: say what it is for, as in --task obstacle."
-        )
+        raise SourceError(f"{path} holds only a genome: name its task, as in --task obstacle.")
     settings = TaskSettings(task, DEFAULT_GRID_SIZE if grid_size is None else grid_size)
     try:
         genome = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
-        raise SourceError(f"{path} is not a file of numpy: {error}.") from error
+        raise SourceError(f"{path} is not a numpy file: {error}.") from error
     nca = NCA(settings.task).set_genome(genome)
     body = grow(nca, settings.grid_size)
     try:

@@ -1,4 +1,4 @@
-"""Statistics that results are reported with."""
+"""Statistics for reporting results."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ _Z_95 = 1.959963984540054
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """95 % score interval of a proportion. Source: Wilson 1927.
+    """Compute the 95 % score interval of a proportion. Source: Wilson 1927.
 
     Raises:
-        ValueError: no trials, or a number of successes that is not between 0 and the trials.
+        ValueError: If there are no trials, or ``successes`` is not from 0 to ``trials``.
     """
     if trials < 1 or not 0 <= successes <= trials:
         raise ValueError(f"need 0 <= successes <= trials and trials > 0, got {successes}/{trials}.")
@@ -22,7 +22,7 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     half = (_Z_95 / (1 + squared / trials)) * math.sqrt(
         fraction * (1 - fraction) / trials + squared / (4 * trials**2)
     )
-    # At either end the interval reaches it exactly; rounding must not leave it outside.
+    # The interval includes fractions of exactly 0 and 1; rounding must not exclude them.
     low = 0.0 if successes == 0 else max(0.0, center - half)
     high = 1.0 if successes == trials else min(1.0, center + half)
     return low, high

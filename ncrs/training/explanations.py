@@ -1,4 +1,4 @@
-"""The settings with their explanations, read from where they are defined."""
+"""The settings with their explanations, read from their definitions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Explanation(NamedTuple):
 
 @cache
 def _texts(record: type) -> Mapping[str, str]:
-    """The strings below the fields of a class, without those that it inherits."""
+    """Read the strings below the fields of a class, without those that it inherits."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(record)))
     definition = tree.body[0]
     assert isinstance(definition, ast.ClassDef)
@@ -42,7 +42,7 @@ def _texts(record: type) -> Mapping[str, str]:
 
 
 def explanations(record: type) -> dict[str, Explanation]:
-    """Default and explanation of each field of a dataclass; "" where there is no explanation."""
+    """List default and explanation of each field of a dataclass; "" if it has no explanation."""
     result = {}
     for item in fields(record):
         if item.default is MISSING:
@@ -54,7 +54,7 @@ def explanations(record: type) -> dict[str, Explanation]:
 
 
 def _yaml(value: Any) -> str:
-    """A value as it is given on the command line."""
+    """Format a value as on the command line."""
     return value if isinstance(value, str) else json.dumps(value)
 
 
@@ -71,7 +71,7 @@ def _of_record(record: type, prefix: str = "") -> Iterator[str]:
 
 
 def _of_optimizers() -> Iterator[str]:
-    """Each optimizer; then each setting once, with the optimizers that have it by default."""
+    """List each optimizer; then each setting once, with its default for each optimizer."""
     records = {name: explanations(entry.settings) for name, entry in OPTIMIZERS.items()}
     for optimizer, entry in OPTIMIZERS.items():
         yield f"optimizer={optimizer}"
@@ -89,7 +89,7 @@ def _of_optimizers() -> Iterator[str]:
 
 
 def all_explanations() -> str:
-    """Every setting of a run with its default and its explanation, as text."""
+    """Format every setting of a run with its default and its explanation, as text."""
     return "\n".join(
         [
             *_of_record(TrainConfig),

@@ -1,4 +1,4 @@
-"""The files that a run can be resumed from, or looked at: checkpoints, champion, archive."""
+"""The files that a run writes to be resumed and read: checkpoints, champion, archive."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class RunFiles:
     """Saves and loads all that a run's future depends on.
 
     Args:
-        config: the run's settings.
-        run_dir: the run's folder.
-        search: saved as it is, and loaded into.
-        selection: the same.
+        config: Settings of the run.
+        run_dir: Folder of the run.
+        search: Search to save and to restore.
+        selection: Selection to save and to restore.
     """
 
     def __init__(
@@ -45,24 +45,24 @@ class RunFiles:
 
     @property
     def are_due(self) -> bool:
-        """True if the last save is long enough ago."""
+        """True if the last save began ``checkpoint_seconds`` ago and has ended."""
         is_time = perf_counter() - self._saved_at >= self._config.checkpoint_seconds
-        # One that is still being written is not waited for: the next comes later instead.
+        # Training does not wait for a slow save: the next one comes later instead.
         return is_time and not self._checkpoints.is_writing
 
     def save(self, state: RunState) -> None:
         """Write all files.
 
         Args:
-            state: the time since the last save is added to its seconds.
+            state: Counters of the run; the time since the last save is added to their seconds.
 
         Raises:
-            CheckpointError: a file, or the checkpoint before this one, could not be written.
+            CheckpointError: If a file, or the checkpoint before this one, could not be written.
         """
         now = perf_counter()
         state.seconds += now - self._saved_at
         self._saved_at = now
-        # The checkpoint in the background: at full covariance it is large.
+        # In the background: a checkpoint with a full covariance is large.
         self._checkpoints.save_in_background(state.generation, self._checkpoint(state))
         if self._selection.champion is not None:
             self._selection.champion.save(self._run_dir / CHAMPION_FILE)
@@ -72,8 +72,8 @@ class RunFiles:
         """Read the newest checkpoint; warn if other versions wrote it.
 
         Raises:
-            ConfigError: it is of a run with other settings.
-            CheckpointError: there is none, or none that is whole.
+            ConfigError: If its run has other settings.
+            CheckpointError: If there is no whole one.
         """
         checkpoint = self._checkpoints.load()
         warn_of_other_versions(checkpoint["versions"])
@@ -83,7 +83,7 @@ class RunFiles:
         return RunState.from_state(checkpoint["run"])
 
     def wait(self) -> None:
-        """Return when nothing is being written; raise what the last save raised."""
+        """Return when nothing is being written; raise any error of the last save."""
         self._checkpoints.wait()
 
     def _checkpoint(self, state: RunState) -> dict[str, Any]:
@@ -96,8 +96,10 @@ class RunFiles:
         }
 
     def _own_settings(self) -> dict[str, Any]:
-        """Settings that must not change on resuming. The optimizer's are part of its own state, and
-        the start of the search is past."""
+        """Return the settings that must not change on resuming.
+
+        The optimizer's are part of its own state, and the start of the search has passed.
+        """
         settings = lasting_settings(self._config)
         del settings["optimizer"], settings["start_from"]
         return settings

@@ -16,18 +16,18 @@ class Generation:
     """P genomes with their results."""
 
     index: int
-    """Counted from 0."""
+    """Index of the generation, from 0."""
     genomes: Genomes
-    """As evaluated, ``(P, N)``."""
+    """Genomes as evaluated, ``(P, N)``."""
     evaluation: Evaluation
     added: AddResult
-    """Their effect on the archive."""
+    """Effect of the genomes on the archive."""
 
     def metrics(self, seconds: float) -> dict[str, float]:
-        """Values of its curves; NaN fitness is counted, not averaged.
+        """Compute the values of its curves; NaN fitness is counted, not averaged.
 
         Args:
-            seconds: duration of the generation.
+            seconds: Duration of the generation.
         """
         evaluation = self.evaluation
         fitness = evaluation.fitness[np.isfinite(evaluation.fitness)]

@@ -56,7 +56,7 @@ Settings, with their defaults:
 def register() -> None:
     """Make the schema, the groups and the resolvers of ``conf/config.yaml`` known to Hydra."""
     schema = OmegaConf.structured(TrainConfig)
-    # Otherwise the settings of a chosen optimizer would be laid over those of the default one.
+    # Otherwise the settings of a chosen optimizer would be merged into those of the default one.
     schema.optimizer = MISSING
     store = ConfigStore.instance()
     store.store(name=SCHEMA, node=schema)
@@ -66,7 +66,7 @@ def register() -> None:
         store.store(group="optimizer", name=optimizer, node=entry.settings)
     for engine in (AUTO_ENGINE, *ENGINES):
         store.store(group="engine", name=engine, node=EngineSettings(engine))
-    # A run that is resumed stays in its folder, and keeps the record of how it was started.
+    # A resumed run stays in its folder, and keeps Hydra's record of its start.
     OmegaConf.register_new_resolver(
         "ncrs_run_dir", lambda resume, new: new if resume is None else resume, replace=True
     )
@@ -80,7 +80,7 @@ def register() -> None:
 
 @contextmanager
 def _errors_of_hydra() -> Iterator[None]:
-    """Raise ``ConfigError``, in one sentence or two, for what Hydra refuses."""
+    """Turn Hydra's errors in the block into a ``ConfigError`` of one or two sentences."""
     try:
         yield
     except NCRSError:
@@ -108,7 +108,7 @@ def _first_line(error: Exception) -> str:
 
 
 def _choices(group: str) -> list[str]:
-    """Names in a group of settings, with those in its folders."""
+    """List the names in a group of settings and in its folders."""
     loader = GlobalHydra.instance().config_loader()
     names = loader.get_group_options(group)
     for folder in loader.get_group_options(group, ObjectType.GROUP):
@@ -119,16 +119,15 @@ def _choices(group: str) -> list[str]:
 def check_arguments(arguments: Sequence[str], folder: Path) -> None:
     """Check command-line arguments before Hydra makes a folder for them.
 
-    Of a sweep the first job is checked. Flags of Hydra's may change where it finds settings, so
-    with any other than those for sweeps the check is left to the job.
+    Only the first job of a sweep is checked. Hydra's flags, except those for sweeps, may change the
+    source of the settings; with such flags each job checks itself.
 
     Args:
         arguments: Command-line arguments.
         folder: Folder of ``config.yaml``.
 
     Raises:
-        NCRSError: an unknown setting, a value that is out of range, or a ``resume`` that is
-            invalid.
+        NCRSError: If a setting is unknown, a value out of range, or ``resume`` invalid.
     """
     flags = {argument for argument in arguments if argument.startswith("-")}
     if flags - _SWEEP_FLAGS:
@@ -147,7 +146,7 @@ def _parse(overrides: Sequence[str]) -> list[Override]:
 
 
 def _first_job(overrides: Sequence[str]) -> list[str]:
-    """The overrides of a sweep's first job; without those whose values only a sweeper knows."""
+    """Return the overrides of a sweep's first job, except those with values chosen by a sweeper."""
     first = []
     for word, override in zip(overrides, _parse(overrides), strict=True):
         if not override.is_sweep_override():
@@ -159,21 +158,21 @@ def _first_job(overrides: Sequence[str]) -> list[str]:
 
 
 def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
-    """The checked settings of a job: as composed, or those of the run that is resumed.
+    """Return the checked settings of a job: as composed, or those of the resumed run.
 
     Args:
         composed: Settings as Hydra composed them.
-        overrides: The job's overrides as Hydra was given them.
+        overrides: Overrides of the job as Hydra received them.
 
     Raises:
-        NCRSError: a value is out of range; or settings of a resumed run would change.
+        NCRSError: If a value is out of range, or a setting of the resumed run would change.
     """
     with _errors_of_hydra():
         _check_known(composed)
         if composed.resume is not None:
             return _resumed(composed.resume, overrides)
         config: TrainConfig = OmegaConf.to_object(composed)  # type: ignore[assignment]
-    return config.resolved()  # a run's record names what it really used
+    return config.resolved()  # a run records the engine and mirroring that it uses
 
 
 def _check_known(composed: DictConfig, prefix: str = "") -> None:
@@ -188,7 +187,7 @@ def _check_known(composed: DictConfig, prefix: str = "") -> None:
 
 
 def _resumed(folder: str, overrides: Sequence[str]) -> TrainConfig:
-    """The settings of the run in a folder, with those that may change as they are given."""
+    """Load the settings of the run in a folder, with the changes that the overrides may make."""
     own = load_config(Path(folder))
     values = OmegaConf.structured(own)
     for override in _parse(overrides):
@@ -208,7 +207,7 @@ def _resumed(folder: str, overrides: Sequence[str]) -> TrainConfig:
 
 
 def current_job(composed: DictConfig) -> tuple[TrainConfig, Path]:
-    """Settings and folder of the Hydra job that is running."""
+    """Return settings and folder of the running Hydra job."""
     hydra = HydraConfig.get()
     config = train_config(composed, list(hydra.overrides.task))
     folder = Path(hydra.runtime.output_dir if config.resume is None else config.resume)

@@ -28,9 +28,9 @@ class RunLog:
     """TensorBoard, table and progress bar of one run; a context manager.
 
     Args:
-        run_dir: the run's folder.
-        config: settings, written as text with the versions, and as hyperparameters.
-        start: first generation to come; records from there on are dropped.
+        run_dir: Folder of the run.
+        config: Settings of the run, written as text with the versions, and as hyperparameters.
+        start: Index of the first generation to come; records from there on are dropped.
     """
 
     def __init__(self, run_dir: Path, config: TrainConfig, start: int) -> None:
@@ -65,9 +65,9 @@ class RunLog:
         """Record one generation, with pictures and histograms where there is time for them.
 
         Args:
-            generation: genomes and results.
-            metrics: value of each curve.
-            archive: the archive after this generation.
+            generation: Genomes and results of the generation.
+            metrics: Value of each curve.
+            archive: Archive after this generation.
         """
         index, fitness = generation.index, generation.evaluation.fitness
         values = {**metrics, **self._of_champion}

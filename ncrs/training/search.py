@@ -38,13 +38,13 @@ class Search:
     """The steps of a generation: ask, draw scenarios, add, tell.
 
     Args:
-        config: checked settings.
+        config: Settings of the run.
 
     Raises:
-        ConfigError: a setting that the optimizer refuses at this size; or a ``start_from`` that is
-            missing or does not fit.
-        ChampionError: there are no champions to start from: the installation is not whole.
-        CheckpointError: the file to start from is damaged.
+        ConfigError: If the optimizer refuses a setting at this size, or ``start_from`` is missing
+            or does not fit.
+        ChampionError: If the installation is incomplete and has no champions to start from.
+        CheckpointError: If the file to start from is damaged.
     """
 
     def __init__(self, config: TrainConfig) -> None:
@@ -69,11 +69,11 @@ class Search:
         return optimizer
 
     def ask(self) -> Genomes:
-        """The next population, ``(P, N)``."""
+        """Propose the next population, ``(P, N)``."""
         return self._searched(self._optimizer.ask())
 
     def draw(self, generation: int, population: int) -> DrawnScenarios:
-        """The scenarios of a generation of that many genomes."""
+        """Draw the scenarios of a generation of that many genomes."""
         keys: list[tuple[int, ...]] = [(generation,)]
         if not self._config.common_scenarios:
             keys = [(generation, genome) for genome in range(population)]
@@ -86,7 +86,7 @@ class Search:
         """Offer the population to the archive.
 
         Raises:
-            ArchiveError: infinite fitness; nothing was added.
+            ArchiveError: If a fitness is infinite. Nothing is added then.
         """
         return self.archive.add(
             genomes,
@@ -103,18 +103,21 @@ class Search:
         """Let the optimizer learn from the population.
 
         Raises:
-            OptimizerError: values that nothing can be learned from.
+            OptimizerError: If the values are infinite, or all are NaN.
         """
         self._optimizer.tell(self.objective(evaluation), added)
 
     def reestimate(self, engine: Engine, generation: int, should_stop: StopCheck) -> int:
-        """Estimate all elites on fresh scenarios; returns how many were dropped for NaN."""
+        """Estimate all elites on fresh scenarios; return the number dropped for NaN."""
         scenarios, seeds = self._draw(Stream.REESTIMATION, generation)
         return reestimate(self.archive, engine, scenarios, seeds, should_stop)
 
     def candidates(self, generation: Generation) -> dict[str, NDArray[np.float64]]:
-        """Candidates for champion by source: the generation's best genome, and the search's mean or
-        the archive's best elite, which are often better than a lucky draw."""
+        """Return candidates for champion by source, see ``Champion.source``.
+
+        They are the generation's best genome, and the mean of the search or the archive's best
+        elite, which are often better than a lucky draw.
+        """
         best = int(np.nanargmax(self.objective(generation.evaluation)))
         return {
             "sample": generation.genomes[best],
@@ -122,7 +125,7 @@ class Search:
         }
 
     def metrics(self) -> dict[str, float]:
-        """Values of the optimizer's and the archive's curves."""
+        """Compute the values of the optimizer's and the archive's curves."""
         return {
             **{f"optimizer/{key}": value for key, value in self._optimizer.metrics().items()},
             **{f"archive/{key}": value for key, value in self.archive.statistics().items()},
@@ -130,19 +133,19 @@ class Search:
 
     @property
     def elites(self) -> EliteArchive:
-        """The archive as it is filed."""
+        """The archive as it is saved."""
         config = self._config
         return EliteArchive(config.task, self.archive, config.episodes, self._sampling)
 
     def state(self) -> dict[str, Any]:
-        """Arrays and JSON values, for checkpoints."""
+        """Return arrays and JSON values for a checkpoint."""
         return {"optimizer": self._optimizer.state(), "archive": self.archive.state()}
 
     def load_state(self, state: Mapping[str, Any]) -> None:
         """Continue from a ``state``.
 
         Raises:
-            ConfigError: it is the state of another search.
+            ConfigError: If it is the state of another search.
         """
         try:
             self._optimizer.load_state(state["optimizer"])
@@ -157,5 +160,5 @@ class Search:
         return scenarios, seed_row(sequence)
 
     def _searched(self, genomes: Genomes) -> Genomes:
-        """Project onto symmetric genomes, where the search is among those."""
+        """Project onto symmetric genomes if only those are searched."""
         return self._layout.symmetric(genomes) if self._config.symmetric else genomes

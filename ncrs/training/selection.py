@@ -20,8 +20,8 @@ class ChampionSelection:
     """Keeps the best of all candidates, on the same scenarios for the whole run.
 
     Args:
-        config: the run's settings.
-        objective: the value that candidates are compared by.
+        config: Settings of the run.
+        objective: Value by which candidates are compared.
     """
 
     def __init__(self, config: TrainConfig, objective: Objective) -> None:
@@ -35,7 +35,7 @@ class ChampionSelection:
         )
         self._best = -np.inf
         self.champion: Champion | None = None
-        """The best so far; None before a candidate had a body that the task can use."""
+        """Best candidate so far; None until one has a body that the task can use."""
 
     def crown(
         self, candidates: Mapping[str, NDArray[np.float64]], engine: Engine, generation: int
@@ -43,9 +43,9 @@ class ChampionSelection:
         """Evaluate candidates; one that beats the champion takes its place.
 
         Args:
-            candidates: genomes ``(N,)`` by source, see ``Champion.source``.
-            engine: an engine for the run's task.
-            generation: index of the generation that they come from.
+            candidates: Genomes, ``(N,)``, by source, see ``Champion.source``.
+            engine: Engine for the run's task.
+            generation: Index of their generation.
         """
         genomes = np.stack(list(candidates.values()))
         result = engine.evaluate(genomes, self._scenarios)
@@ -67,7 +67,7 @@ class ChampionSelection:
             )
 
     def state(self) -> dict[str, Any]:
-        """Arrays and JSON values, for checkpoints."""
+        """Return arrays and JSON values for a checkpoint."""
         champion = None if self.champion is None else self.champion.state()
         return {"objective": float(self._best), "champion": champion}
 

@@ -1,4 +1,4 @@
-"""Stop politely: the first SIGINT or SIGTERM asks, the second insists."""
+"""Stopping at a signal: the first SIGINT or SIGTERM requests it, the second forces it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class StopRequest:
-    """Within this context the first signal is only remembered; ``received`` tells which.
+    """Context that only remembers the first signal, in ``received``.
 
-    A second signal acts as it would have without the context. Outside the main thread, where
-    Python handles no signals, nothing changes.
+    A second signal acts as it would without the context. Outside the main thread, where Python
+    handles no signals, nothing changes.
     """
 
     def __init__(self) -> None:
@@ -22,7 +22,7 @@ class StopRequest:
         self._previous: dict[signal.Signals, Any] = {}
 
     def __call__(self) -> bool:
-        """True once a signal has been received."""
+        """Return True once a signal has been received."""
         return self.received is not None
 
     def __enter__(self) -> StopRequest:

@@ -1,4 +1,4 @@
-"""Counters of a run, and the record of how it ended."""
+"""Counters of a run, and its result."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CURVE = "curve"
 
 
 def _logged(curve: str, start: float) -> Any:
-    """A counter that is logged with every generation."""
+    """Declare a counter that is logged with every generation."""
     return field(default=start, metadata={_CURVE: curve})
 
 
@@ -27,15 +27,15 @@ class RunState:
     """Counters of a run; checkpoints and curves follow from the fields."""
 
     generation: int = 0
-    """Generations done."""
+    """Number of generations done; index of the next one."""
     evaluations: int = _logged("progress/evaluations", 0)
     env_steps: int = _logged("progress/env_steps", 0)
     seconds: float = 0.0
-    """Duration of the training, until the last checkpoint."""
+    """Duration of the training until the last checkpoint, in seconds."""
     best_fitness: float = _logged("fitness/best_so_far", -math.inf)
     """Best fitness of any genome in any generation: a lucky draw, on its own scenarios."""
     dropped: int = _logged("archive/dropped", 0)
-    """Elites that left the archive because their new estimate was NaN."""
+    """Number of elites that left the archive because their new estimate was NaN."""
 
     def count(self, evaluation: Evaluation) -> None:
         """Count one generation."""
@@ -45,7 +45,7 @@ class RunState:
         self.best_fitness = max(self.best_fitness, float(np.nanmax(evaluation.fitness)))
 
     def metrics(self) -> dict[str, float]:
-        """Values of the counters' curves."""
+        """Return the values of the counters' curves."""
         return {
             item.metadata[_CURVE]: float(getattr(self, item.name))
             for item in fields(self)
@@ -53,27 +53,27 @@ class RunState:
         }
 
     def state(self) -> dict[str, Any]:
-        """JSON values, for checkpoints."""
+        """Return JSON values for a checkpoint."""
         return asdict(self)
 
     @classmethod
     def from_state(cls, state: Mapping[str, Any]) -> RunState:
-        """Inverse of ``state``."""
+        """Build the counters from their ``state``."""
         return cls(**state)
 
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """The end of a run."""
+    """Result of a run."""
 
     run_dir: Path
     state: RunState
     champion: Champion | None
-    """The best re-evaluated genome; None if no candidate had a body that the task can use, or the
-    run was stopped before the first round."""
+    """Best candidate for champion; None if none had a body that the task can use, or the run was
+    stopped before the first choice."""
     filled: int
-    """Measure triples that have an elite in the archive."""
+    """Number of measure triples that have an elite in the archive."""
     triples: int
-    """Measure triples that bodies can have."""
+    """Number of measure triples that bodies can have."""
     stopped_by: signal.Signals | None
-    """The signal that ended the run early; None if it finished."""
+    """Signal that ended the run early; None if it finished."""

@@ -20,12 +20,12 @@ def _effort(result: TrainingResult) -> str:
 
 
 def exit_code(stopped_by: signal.Signals) -> int:
-    """The shell's code for a process that a signal ended."""
+    """Return the shell's code for a process that a signal ended."""
     return 128 + stopped_by
 
 
 def stopped_lines(result: TrainingResult, stopped_by: signal.Signals) -> list[str]:
-    """Summary of a run that a signal ended."""
+    """Summarise a run that a signal ended."""
     return [
         f"Stopped by {stopped_by.name} after {_effort(result)}. All is saved; continue with:",
         f"  python train.py resume={result.run_dir}",
@@ -33,7 +33,7 @@ def stopped_lines(result: TrainingResult, stopped_by: signal.Signals) -> list[st
 
 
 def finished_lines(result: TrainingResult, config: TrainConfig) -> list[str]:
-    """Summary of a run that finished: the champion, the folder, and what to try next."""
+    """Summarise a run that finished: the champion, the folder, and commands to try next."""
     lines = [f"Finished {_effort(result)}.", ""]
     champion = result.champion
     if champion is None:

@@ -1,8 +1,8 @@
 """TensorBoard beside the curves: pictures, histograms, settings, layout.
 
-Drawing is paid from a budget: each kind of picture may take a fixed fraction of the run's time,
-so that slow machines and fast generations get fewer pictures, not slower runs. Drawing never
-changes what a run computes.
+Drawing has a budget: each kind of picture may take a fixed fraction of the run's time, so that slow
+machines and fast generations get fewer pictures, not slower runs. Drawing never changes a run's
+results.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ STILLS_FRACTION = 0.003
 ANIMATION_FRACTION = 0.005
 """Fractions of a run's time; together with the curves they stay under 2 %."""
 _HISTOGRAM_SECONDS, _STILLS_SECONDS, _ANIMATION_SECONDS = 0.01, 0.2, 1.5
-"""Cost of each that is assumed before it was measured."""
+"""Assumed cost of the first of each kind."""
 _LONG_RUN_SECONDS = 60.0
 """A run of at least this length ends with an animation of its champion, whatever the fraction."""
 _BODY_PIXELS = 160
@@ -63,12 +63,12 @@ LAYOUT: Mapping[str, Mapping[str, list[Any]]] = {
 
 
 class Budget:
-    """Allows work as long as it has taken no more than a fraction of the time.
+    """Allows work that keeps within a fraction of the time.
 
     Args:
-        fraction: allowed fraction of the time since this was made.
-        expected: assumed seconds of the first piece of work.
-        clock: seconds from any start.
+        fraction: Allowed fraction of the time since this was made.
+        expected: Assumed seconds of the first piece of work.
+        clock: Function that returns seconds since any fixed time.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Budget:
         return self._clock() - self._start
 
     def run(self, work: Callable[[], None], *, at_any_cost: bool = False) -> bool:
-        """Do the work if its expected cost is within the fraction; returns True if it was done."""
+        """Do the work if its expected cost is within the fraction; return True if it was done."""
         start = self._clock()
         affordable = self._spent + self._expected <= self._fraction * (start - self._start)
         if not (affordable or at_any_cost):
@@ -98,8 +98,8 @@ class RunPictures:
     """Pictures and histograms of one run.
 
     Args:
-        writer: writer of the run's event file.
-        clock: seconds from any start; decides when there is time to draw.
+        writer: Writer of the run's event file.
+        clock: Function that returns seconds since any fixed time, for the budgets.
     """
 
     def __init__(self, writer: SummaryWriter, clock: Callable[[], float] = perf_counter) -> None:
@@ -112,7 +112,7 @@ class RunPictures:
         self._unmoved: Champion | None = None
 
     def champion(self, champion: Champion) -> None:
-        """Remember the champion; one that is new is drawn with the next generation."""
+        """Remember the champion; a new one is drawn with the next generation."""
         if champion is not self._champion:
             self._champion = self._undrawn = self._unmoved = champion
 
@@ -125,14 +125,14 @@ class RunPictures:
         *,
         last: bool,
     ) -> None:
-        """Draw what there is time for.
+        """Draw the pictures that the budgets allow.
 
         Args:
-            index: index of the generation.
-            fitness: fitness of its genomes, ``(P,)``; NaN is left out.
-            genomes: its genomes, ``(P, N)``.
-            archive: the archive after this generation.
-            last: draw the stills, and after a long run the animation, whatever the time.
+            index: Index of the generation.
+            fitness: Fitness of its genomes, ``(P,)``; NaN is left out.
+            genomes: Genomes of the generation, ``(P, N)``.
+            archive: Archive after this generation.
+            last: True to draw the stills, and after a long run the animation, whatever the budgets.
         """
         if self._undrawn is not None:
             body = draw_body(self._undrawn.body, _BODY_PIXELS)
@@ -185,14 +185,18 @@ class RunPictures:
 def spread(
     measures: NDArray[np.integer], fitness: NDArray[np.floating], count: int
 ) -> NDArray[np.int64]:
-    """Rows of at most ``count`` elites from few cells to many: the fittest of each size range."""
+    """Choose at most ``count`` elites from few cells to many: the fittest of each size range.
+
+    Returns:
+        Indices into ``fitness``, int64.
+    """
     order = np.argsort(measures[:, 2], kind="stable")
     groups = np.array_split(order, min(count, len(order)))
     return np.array([group[np.argmax(fitness[group])] for group in groups], dtype=np.int64)
 
 
 def add_curves(writer: SummaryWriter, values: Mapping[str, float], index: int) -> None:
-    """Add a value to each curve, all in one event: a tenth of the time of one event each."""
+    """Add a value to each curve, all in one event: 10 times faster than one event each."""
     points = [Summary.Value(tag=tag, simple_value=value) for tag, value in values.items()]
     _file_writer(writer).add_summary(Summary(value=points), index)
 
@@ -200,23 +204,23 @@ def add_curves(writer: SummaryWriter, values: Mapping[str, float], index: int) -
 def add_encoded_image(
     writer: SummaryWriter, tag: str, data: bytes, shape: tuple[int, ...], index: int
 ) -> None:
-    """Add a picture that is encoded already (PNG, GIF), animated or not.
+    """Add an encoded picture (PNG or GIF), animated or not.
 
     Args:
-        writer: writer of the run's event file.
-        tag: name of the picture.
-        data: the encoded picture.
-        shape: height and width.
-        index: index of the generation.
+        writer: Writer of the run's event file.
+        tag: Name of the picture.
+        data: Encoded picture.
+        shape: Height and width in pixels.
+        index: Index of the generation.
     """
     image = Summary.Image(height=shape[0], width=shape[1], colorspace=3, encoded_image_string=data)
     _file_writer(writer).add_summary(Summary(value=[Summary.Value(tag=tag, image=image)]), index)
 
 
 def add_settings(writer: SummaryWriter, config: TrainConfig) -> None:
-    """Add the settings as hyperparameters of this very run (not of a sub-folder), and the layout.
+    """Add the settings as hyperparameters of this run, and the layout of the charts.
 
-    ``SummaryWriter.add_hparams`` would make a run of its own for them.
+    ``SummaryWriter.add_hparams`` would make a run of its own for them, in a sub-folder.
     """
     settings = {name: value for name, value in _flat(asdict(config)) if value is not None}
     experiment, session, _ = hparams(settings, dict.fromkeys(RESULTS, 0.0))  # type: ignore[no-untyped-call]
@@ -226,7 +230,7 @@ def add_settings(writer: SummaryWriter, config: TrainConfig) -> None:
 
 
 def add_end(writer: SummaryWriter) -> None:
-    """Say that the run has finished."""
+    """Record that the run has finished."""
     end = hparams({}, {})[2]  # type: ignore[no-untyped-call]
     _file_writer(writer).add_summary(end)
 

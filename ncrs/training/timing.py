@@ -25,7 +25,7 @@ class PhaseTimer:
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
-        """Count the time of the block to that phase."""
+        """Add the time of the block to that phase."""
         start = perf_counter()
         try:
             yield
@@ -33,7 +33,9 @@ class PhaseTimer:
             self._seconds[name] = self._seconds.get(name, 0.0) + perf_counter() - start
 
     def take(self) -> dict[str, float]:
-        """Curves of the phases since this was last called: logging and saving end up in the curves
-        of the next generation."""
+        """Return the values of the phases' curves since the last call.
+
+        The time of logging and saving thus belongs to the next generation.
+        """
         seconds, self._seconds = self._seconds, {}
         return {f"time/{name}_s": value for name, value in seconds.items()}

@@ -27,13 +27,13 @@ class Trainer:
 
     Args:
         config: Settings of the run.
-        run_dir: the run's folder, made if missing.
+        run_dir: Folder of the run, made if missing.
 
     Raises:
-        ConfigError: a setting out of range, or one that the optimizer refuses at this size; a
-            ``start_from`` that is missing or does not fit.
-        ChampionError: there are no champions to start from: the installation is not whole.
-        CheckpointError: the file to start from is damaged.
+        ConfigError: If the optimizer refuses a setting at this size, or ``start_from`` is missing
+            or does not fit.
+        ChampionError: If the installation is incomplete and has no champions to start from.
+        CheckpointError: If the file to start from is damaged.
     """
 
     def __init__(self, config: TrainConfig, run_dir: Path) -> None:
@@ -49,13 +49,13 @@ class Trainer:
         """Train until the last generation, or until SIGINT or SIGTERM; both save.
 
         Raises:
-            ConfigError: a run that is resumed with other settings than its own.
-            RunError: another process writes there; or the folder holds a run and ``config.resume``
-                is not set; or a generation's genomes or fitness were not finite, so that nothing
-                can be learned from them.
-            CheckpointError: there is no whole checkpoint to resume from; or the folder cannot be
+            ConfigError: If settings of a resumed run would change.
+            RunError: If another process writes there; if the folder holds a run and
+                ``config.resume`` is not set; or if the genomes or the fitness of a generation are
+                not finite.
+            CheckpointError: If there is no whole checkpoint to resume from, the folder cannot be
                 written, or the disk is full.
-            EngineError: a worker was lost.
+            EngineError: If a worker was lost.
         """
         with locked(self._run_dir):
             try:
@@ -90,7 +90,7 @@ class Trainer:
             )
         save_config(self._config, self._run_dir)
         if not started:
-            # So that even a run killed in its first generation can be resumed.
+            # A run that is killed in its first generation can be resumed, too.
             self._files.save(self._state)
 
     def _train(self, stop: StopRequest) -> None:
@@ -173,5 +173,5 @@ class Trainer:
 
 
 def train(config: TrainConfig, run_dir: str | Path) -> TrainingResult:
-    """Train in a folder; raises as ``Trainer`` and ``Trainer.run``."""
+    """Train in a folder; raise as ``Trainer`` and ``Trainer.run`` do."""
     return Trainer(config, Path(run_dir)).run()

@@ -1,4 +1,4 @@
-"""Versions of what decides a run's numbers, and a warning where a resumed run meets others."""
+"""Versions of the libraries that determine a run's numbers, and a warning if they change."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ _PACKAGES = ("torch", "numpy", "numba", "gymnasium", "cma")
 
 
 class VersionWarning(UserWarning):
-    """A resumed run has other versions of its libraries than it was saved with."""
+    """A run is resumed with other versions of its libraries than it was saved with."""
 
 
 def versions() -> dict[str, str]:
-    """Version of Python and of each library, by name."""
-    import Box2D  # not above: loading it would delay every command
+    """Look up the version of Python and of each library, by name."""
+    import Box2D  # not above: its import would delay every command
 
     return {
         "python": platform.python_version(),
@@ -27,7 +27,7 @@ def versions() -> dict[str, str]:
 
 
 def warn_of_other_versions(recorded: Mapping[str, str]) -> None:
-    """Warn if a run was saved with other versions than those installed."""
+    """Warn if a run was saved with other versions than the installed ones."""
     other = [
         f"{name} {recorded[name]} (now {own})"
         for name, own in versions().items()

@@ -34,7 +34,7 @@ def test_no_logs_are_no_curves(tmp_path):
 
 def test_damaged_table_is_refused(tmp_path):
     (tmp_path / "metrics.csv").write_text("generation,fitness/best\n0,0.1\n1,zero\n")
-    with pytest.raises(ConfigError, match="no table of numbers"):
+    with pytest.raises(ConfigError, match="not a table of numbers"):
         load_curves(tmp_path)
 
 

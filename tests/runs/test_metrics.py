@@ -38,5 +38,5 @@ def test_missing_and_foreign_tables(tmp_path):
     with pytest.raises(ConfigError, match="holds no generation"):
         read_metrics(tmp_path)
     (tmp_path / METRICS_FILE).write_text("generation,a\n0,much\n")
-    with pytest.raises(ConfigError, match="no table of numbers"):
+    with pytest.raises(ConfigError, match="not a table of numbers"):
         read_metrics(tmp_path)

@@ -30,7 +30,7 @@ class Optimizer(ABC):
     """
 
     candidate_source: ClassVar[str] = "mean"
-    """Origin of ``mean``: the search distribution's "mean", or the archive's best "elite"."""
+    """Origin of ``mean``: "mean" of the search distribution, or the archive's best "elite"."""
 
     def __init__(
         self, dimension: int, seed: np.random.SeedSequence, settings: OptimizerSettings
@@ -40,14 +40,18 @@ class Optimizer(ABC):
         self.settings = settings
         self.dimension = dimension
         self._generator = np.random.Generator(np.random.PCG64(seed))
-        # The generator as it was before a population was asked for that has not been told: from
-        # there asking again gives the same population.
+        # The generator's state before the pending ``ask``: asking again from there gives the same
+        # population.
         self._before_ask: dict[str, Any] | None = None
         self._asked: Genomes | None = None
         self._attached: Archive | None = None
 
     def ask(self) -> Genomes:
-        """The next population, float64 ``(P, N)``; asking again before telling is an error."""
+        """Propose the next population, float64 ``(P, N)``.
+
+        Raises:
+            OptimizerError: If the fitness of the last population was not told.
+        """
         if self._asked is not None:
             raise OptimizerError(
                 f"ask() was called twice: first tell() the {len(self._asked)} fitness values of "
@@ -61,7 +65,7 @@ class Optimizer(ABC):
         """Give the optimizer the run's archive, which the caller adds to before each ``tell``.
 
         Raises:
-            OptimizerError: its genomes have another length.
+            OptimizerError: If its genomes have another length.
         """
         if archive.dimension != self.dimension:
             raise OptimizerError(
@@ -72,14 +76,14 @@ class Optimizer(ABC):
 
     @property
     def name(self) -> str:
-        """The optimizer's name."""
+        """Name of the optimizer."""
         return self.settings.name
 
     def start_from(self, genome: NDArray[np.float64]) -> None:
         """Search around ``genome``, ``(N,)``, instead of around zero.
 
         Raises:
-            OptimizerError: this optimizer cannot.
+            OptimizerError: If this optimizer does not search around a genome.
         """
         raise OptimizerError(
             f"{self.name} cannot start from a genome; use cma_es, sep_cma_es, iso_cma_es, cma_me "
@@ -90,16 +94,16 @@ class Optimizer(ABC):
         """Learn from the fitness of the last population.
 
         Args:
-            fitness: One value per genome, shape ``(P,)``, larger is better. NaN ranks worst.
+            fitness: One value per genome, ``(P,)``, larger is better. NaN ranks worst.
             added: Result of adding the population to the archive; only quality-diversity optimizers
                 need it.
 
         Raises:
-            OptimizerError: nothing was asked, another number of values, an infinite value, or
-                nothing but NaN. The state is untouched.
+            OptimizerError: If no population is pending, the number of values is wrong, one of them
+                is infinite, or all are NaN. The state is unchanged then.
         """
         if self._asked is None:
-            raise OptimizerError("tell() was called before ask(): there is no population to judge.")
+            raise OptimizerError("tell() was called before ask(): no population is pending.")
         values = np.asarray(fitness, dtype=np.float64)
         if values.shape != (len(self._asked),):
             raise OptimizerError(
@@ -117,8 +121,10 @@ class Optimizer(ABC):
         self._tell(asked, _rank_nan_worst(values), added)
 
     def state(self) -> State:
-        """All that the future depends on. With a population pending, the state from which ``ask``
-        proposes that population again."""
+        """Return all that the future depends on.
+
+        While a population is pending, this is the state from which ``ask`` proposes it again.
+        """
         generator = self._before_ask or _plain(self._generator.bit_generator.state)
         return {**self._identity(), "generator": generator, **self._state()}
 
@@ -126,7 +132,8 @@ class Optimizer(ABC):
         """Continue from a ``state``.
 
         Raises:
-            OptimizerError: the state is of another optimizer, size or setting; nothing is changed.
+            OptimizerError: If the state has another optimizer, size or setting. Nothing is changed
+                then.
         """
         for key, value in self._identity().items():
             if state.get(key) != value:
@@ -140,7 +147,7 @@ class Optimizer(ABC):
         self._before_ask = None
 
     def _identity(self) -> State:
-        """The entries that must agree for a state to be loaded, as JSON can hold them."""
+        """Return the entries that must agree for a state to be loaded, as JSON values."""
         return {
             "optimizer": self.name,
             "dimension": self.dimension,
@@ -150,11 +157,11 @@ class Optimizer(ABC):
     @property
     @abstractmethod
     def mean(self) -> NDArray[np.float64]:
-        """The search distribution's mean, ``(N,)``: a candidate of its own, often the best."""
+        """Mean of the search distribution, ``(N,)``: a candidate of its own, often the best."""
 
     @abstractmethod
     def metrics(self) -> dict[str, float]:
-        """Numbers worth a curve, such as sigma and the condition number."""
+        """Return values to plot, such as sigma and the condition number."""
 
     @abstractmethod
     def _ask(self) -> Genomes: ...
@@ -177,7 +184,7 @@ def _rank_nan_worst(fitness: Fitness) -> Fitness:
 
 
 def _plain(state: Any) -> Any:
-    """A bit generator's state as JSON can hold it."""
+    """Convert a bit generator's state to JSON values."""
     if isinstance(state, Mapping):
         return {key: _plain(value) for key, value in state.items()}
     return state.item() if isinstance(state, np.generic) else state

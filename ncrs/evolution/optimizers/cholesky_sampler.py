@@ -1,10 +1,10 @@
 """A full-covariance sampler for pycma that factorises with Cholesky instead of eigenvectors.
 
 pycma's own sampler decomposes ``C = B D^2 B^T``, some 20 times the work of ``C = L L^T``. Sampling
-needs any root of C, and so do Mahalanobis norms. Only the step-size path depends on which root: it
-adds up whitened steps ``L^-1 (m' - m)``, and L turns a little against the symmetric root whenever
-it is renewed. Krause, Arbonès and Igel (2016) found this harmless, and ``benchmarks.optimizers``
-compares the evaluations to target with plain pycma.
+needs any root of C, and so do Mahalanobis norms. Only the step-size path depends on the choice of
+root: it adds up whitened steps ``L^-1 (m' - m)``, and L turns a little against the symmetric root
+whenever it is renewed. Krause, Arbonès and Igel (2016) found this harmless, and
+``benchmarks.optimizers`` compares the evaluations to target with plain pycma.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ _DTYPES: Mapping[str, torch.dtype] = {name: getattr(torch, name) for name in PRE
 Vector = NDArray[np.float64]
 
 _BLOCK = 512
-"""Columns that are treated at once where only a lower triangle is needed."""
+"""Columns per operation where only a lower triangle is needed."""
 _POWER_STEPS = 2
 _FIRST_JITTER = 4.0
-"""Of the rounding unit times the mean variance; each further attempt adds ten times more."""
+"""First addition to the diagonal, in rounding units times the mean variance; each further attempt
+adds ten times more."""
 _MAX_ATTEMPTS = 12
 _FROM_CHAMPION = "from this one's champion if it has one (start_from)."
 
@@ -46,16 +47,19 @@ def check_device(device: str) -> None:
 
 
 class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ignore[misc]
-    """Zero-mean normal distribution with a covariance that is learned. Starts at the identity.
+    """Zero-mean normal distribution that learns its covariance, at first the identity.
 
-    Vectors come and go as float64 numpy arrays; the two N x N matrices live on ``device`` in
+    Vectors are float64 numpy arrays; the two N x N matrices are torch's, on ``device`` in
     ``precision``. Of C only the lower triangle is kept up to date.
 
     Args:
-        dimension: length N of a sample.
-        randn: standard normal numbers of the shape that its arguments give.
-        precision: "float32" or "float64".
-        device: a torch device, such as "cpu" or "cuda".
+        dimension: Length N of a sample.
+        randn: Function that draws standard normal numbers in the shape of its arguments.
+        precision: Precision of the matrices, "float32" or "float64".
+        device: Device of torch, such as "cpu" or "cuda".
+
+    Raises:
+        OptimizerError: If torch cannot use the device.
     """
 
     def __init__(
@@ -72,7 +76,7 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         self._dtype = _DTYPES[precision]
         self._device = torch.device(device)
         self._c = torch.eye(dimension, dtype=self._dtype, device=self._device)
-        # Columns in one piece, as LAPACK writes them: no second copy while it factorises.
+        # In column-major order, as LAPACK writes it: no second copy while it factorises.
         self._l = torch.eye(dimension, dtype=self._dtype, device=self._device).mT
         self._info = torch.zeros((), dtype=torch.int32, device=self._device)
         self.reset()
@@ -89,10 +93,10 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         self._extremes = self._tensor(np.stack([start, start], axis=1))
         self._condition = 1.0
 
-    # What pycma calls.
+    # The interface that pycma calls.
 
     def sample(self, number: int) -> Vector:
-        """Draw ``(number, N)`` samples, after refreshing the factor if that is due."""
+        """Draw ``(number, N)`` samples, after renewing the factor if that is due."""
         self.update_now()
         z = self._tensor(self.randn(number, self.dimension))
         return self._array(self._times_factor(z))
@@ -101,8 +105,8 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         """Learn from ``(K, N)`` steps: ``C <- (1 - sum w) C + sum w_k y_k y_k^T``.
 
         Args:
-            vectors: steps y, in units of sigma.
-            weights: K learning rates. Steps with a negative one are first scaled to the
+            vectors: Steps y, in units of sigma.
+            weights: K learning rates. Steps with a negative rate are first scaled to the
                 Mahalanobis length sqrt(N), which keeps C positive definite (Hansen 2016, eq. 46).
         """
         weights = np.array(weights, dtype=np.float64)
@@ -131,15 +135,15 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         self._estimate_condition()
 
     def transform(self, x: Vector) -> Vector:
-        """``L x`` of one vector ``(N,)``."""
+        """Compute ``L x`` of one vector ``(N,)``."""
         return self._array(self._l @ self._tensor(x))
 
     def transform_inverse(self, x: Vector) -> Vector:
-        """``L^-1 x`` of one vector ``(N,)``: white if x is a sample."""
+        """Compute ``L^-1 x`` of one vector ``(N,)``: white if x is a sample."""
         return self._array(self._whiten(self._tensor(x)[:, None])[:, 0])
 
     def norm(self, x: Vector) -> float:
-        """Mahalanobis length of one vector ``(N,)``."""
+        """Compute the Mahalanobis length of one vector ``(N,)``."""
         return float(np.linalg.norm(self.transform_inverse(x)))
 
     def __imul__(self, factor: float) -> CholeskySampler:
@@ -155,10 +159,10 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
 
     @property
     def condition_number(self) -> float:
-        """Ratio of the extreme eigenvalues of C as it was last factorised, from below.
+        """Ratio of the extreme eigenvalues of C as last factorised: an estimate from below.
 
-        Two steps of power iteration for each at every factorisation, going on from the last ones,
-        so that the estimate follows a C that changes slowly.
+        Each factorisation continues the power iteration for both by two steps, so that the estimate
+        follows a C that changes slowly.
         """
         return self._condition
 
@@ -167,19 +171,19 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         """None: pycma would keep copies, and decompose them. See ``covariance``."""
         return None
 
-    # What pycma does not call.
+    # The rest of the interface.
 
     def covariance(self) -> Vector:
-        """A copy of C, ``(N, N)``."""
+        """Return a copy of C, ``(N, N)``."""
         lower = self._c.tril()
         return self._array(lower + lower.tril(-1).mT)
 
     def inverse(self) -> Vector:
-        """The inverse of C as it was last factorised, ``(N, N)``."""
+        """Compute the inverse of C as last factorised, ``(N, N)``."""
         return self._array(torch.cholesky_inverse(self._l))
 
     def state(self) -> dict[str, Any]:
-        """Arrays and JSON values from which ``load_state`` continues bit for bit.
+        """Return arrays and JSON values from which ``load_state`` continues bit for bit.
 
         C and L share one matrix: C below and on the diagonal, L above it and in ``diagonal``.
         """
@@ -210,14 +214,14 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         self.repairs = state["repairs"]
 
     def _tensor(self, values: NDArray[Any]) -> torch.Tensor:
-        # Always a copy: torch aligns its memory, and sums round differently in another alignment.
+        # Always a copy: torch aligns its memory, and sums in another alignment round differently.
         return torch.tensor(values, dtype=self._dtype, device=self._device)
 
     def _array(self, values: torch.Tensor) -> Vector:
         return values.to("cpu", torch.float64, copy=True).numpy()
 
     def _times_factor(self, z: torch.Tensor) -> torch.Tensor:
-        """``L z`` for each row of ``(K, N)``."""
+        """Compute ``L z`` for each row of ``(K, N)``."""
         y = torch.zeros_like(z)
         for start in range(0, self.dimension, _BLOCK):
             columns = slice(start, start + _BLOCK)
@@ -225,7 +229,7 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         return y
 
     def _whiten(self, x: torch.Tensor) -> torch.Tensor:
-        """``L^-1 x`` for each column of ``(N, K)``."""
+        """Compute ``L^-1 x`` for each column of ``(N, K)``."""
         whitened: torch.Tensor = torch.linalg.solve_triangular(self._l, x, upper=False)
         return whitened
 
@@ -233,8 +237,8 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         """Renew L; where C is not positive definite, add to its diagonal until it is.
 
         Raises:
-            OptimizerError: that is not possible. C is as it was; L is lost, and not used before it
-                is renewed.
+            OptimizerError: If that is not possible. C is unchanged then; L is lost, and not used
+                before it is renewed.
         """
         before = self._c.diagonal().clone()
         mean = float(before.mean())
@@ -256,19 +260,19 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         self.repairs = repairs
         raise OptimizerError(
             f"The covariance could not be made positive definite in {_MAX_ATTEMPTS} attempts. "
-            f"Start a new search with precision=float64, {_FROM_CHAMPION} With restart_sigma it "
-            "would have started again before it came to this."
+            f"Start a new search with precision=float64, {_FROM_CHAMPION} With restart_sigma the "
+            "search would have restarted before this point."
         )
 
     def _estimate_condition(self) -> None:
         large, small = self._extremes[:, :1].clone(), self._extremes[:, 1:].clone()
         for _ in range(_POWER_STEPS):
             large = self._l @ (self._l.mT @ large)
-            largest = large.norm()
-            large /= largest
+            max_eigenvalue = large.norm()
+            large /= max_eigenvalue
             small = torch.linalg.solve_triangular(self._l.mT, self._whiten(small), upper=True)
-            smallest = small.norm()
-            small /= smallest
+            inverse_of_min = small.norm()
+            small /= inverse_of_min
         self._extremes = torch.cat([large, small], dim=1)
-        condition = float(largest * smallest)
+        condition = float(max_eigenvalue * inverse_of_min)
         self._condition = condition if math.isnan(condition) else max(1.0, condition)

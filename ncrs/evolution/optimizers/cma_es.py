@@ -15,7 +15,7 @@ from ncrs.evolution.optimizers.pycma import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA, 
 from ncrs.evolution.optimizers.pycma_state import capture, restore
 from ncrs.evolution.optimizers.settings import MatrixSettings, OptimizerError, SearchSettings
 
-# "decay" keeps the path of "csa", from which pycma tells stalls, but not its step size.
+# "decay" keeps the path of "csa", from which pycma detects stalls, but not its step size.
 _STEP_SIZES = {"csa": CMAAdaptSigmaCSA, "tpa": CMAAdaptSigmaTPA, "decay": CMAAdaptSigmaCSA}
 
 
@@ -34,7 +34,7 @@ class CMAES(Optimizer):
         self, dimension: int, seed: np.random.SeedSequence, settings: SearchSettings
     ) -> None:
         super().__init__(dimension, seed, settings)
-        self._matrices: MatrixSettings | None = None  # of torch, in place of pycma's own
+        self._matrices: MatrixSettings | None = None  # torch's, in place of pycma's own
         if isinstance(settings, MatrixSettings) and settings.linear_algebra == "torch":
             self._matrices = settings
         self._restarts = 0
@@ -47,7 +47,7 @@ class CMAES(Optimizer):
         return self._generator.standard_normal(shape)
 
     def _make_sampler(self) -> Any:
-        """The sampler in place of pycma's own; None to keep that."""
+        """Make the sampler that replaces pycma's own; None to keep pycma's."""
         if self._matrices is None:
             return None
         # Imported here so that the optimizers that need no torch do not load it.
@@ -58,15 +58,15 @@ class CMAES(Optimizer):
 
     def _make(self, start: NDArray[np.float64], sampler: Any) -> Any:
         settings = self.settings
-        # pycma recombines half of the population that it is told; it is asked for the real one.
-        told = settings.population if settings.parents is None else 2 * settings.parents + 1
+        # pycma recombines half of its popsize; ``_ask`` requests the real population.
+        popsize = settings.population if settings.parents is None else 2 * settings.parents + 1
         options: dict[str, Any] = {
             # pycma seeds numpy's global generator unless the seed is NaN.
             "seed": float("nan"),
             "randn": self._randn,
-            "popsize": told,
+            "popsize": popsize,
             "AdaptSigma": _STEP_SIZES[settings.step_size],
-            # With no covariance at all it is diagonal too, in linear memory, and stays at one.
+            # Without a covariance, a diagonal one in linear memory stays at one.
             "CMA_diagonal": settings.covariance != "full",
             "verbose": -9,
             "verb_disp": 0,
@@ -85,14 +85,16 @@ class CMAES(Optimizer):
 
     @property
     def mean(self) -> NDArray[np.float64]:
+        """Mean of the search distribution, ``(N,)``."""
         return np.array(self._es.mean, dtype=np.float64)
 
     @property
     def sigma(self) -> float:
-        """The current step size."""
+        """Current step size."""
         return float(self._es.sigma)
 
     def metrics(self) -> dict[str, float]:
+        """Return sigma and condition number, and the counts of restarts and repairs in use."""
         if self.settings.covariance != "full":
             deviations = np.asarray(self._es.sigma_vec.scaling, dtype=np.float64)
             condition = float((deviations.max() / deviations.min()) ** 2)
@@ -108,14 +110,14 @@ class CMAES(Optimizer):
     def _ask(self) -> Genomes:
         if self.settings.restart_from == "elite" and self._attached is None:
             raise OptimizerError("restart_from=elite needs an archive: call attach(archive) first.")
-        # Asking uses some of the state up, but of the sampler only its lazy decomposition.
+        # Asking changes part of the state, but of the sampler only its lazy decomposition.
         self._unasked = capture(self._es, sampler=False)
         return np.array(self._es.ask(self.settings.population), dtype=np.float64)
 
     def _tell(self, asked: Genomes, fitness: Fitness, added: Any = None) -> None:
         sigma = self.sigma
         with warnings.catch_warnings():
-            # Telling another number than pycma was told is deliberate, see parents.
+            # Telling another number than pycma's popsize is deliberate, see ``parents``.
             warnings.filterwarnings("ignore", message="The number of solutions passed to `tell`")
             self._es.tell(list(asked), (-fitness).tolist())
         schedule, restart_sigma = self.settings.schedule, self.settings.restart_sigma
@@ -136,6 +138,7 @@ class CMAES(Optimizer):
         self.restart(self.mean if start is None else start)
 
     def start_from(self, genome: NDArray[np.float64]) -> None:
+        """Search around ``genome``, ``(N,)``."""
         self.restart(genome)
         self._restarts = 0
 
@@ -143,7 +146,7 @@ class CMAES(Optimizer):
         """Search again around ``start``, ``(N,)``, with the first sigma and nothing learned."""
         sampler = None
         if self._matrices is not None:
-            sampler = self._es.sm  # its matrices are used again
+            sampler = self._es.sm  # reuses its matrices
             sampler.reset()
         self._es = self._make(start, sampler)
         self._restarts += 1
@@ -167,7 +170,7 @@ class CMAES(Optimizer):
 
 
 def _set_up_as_pycma_does(es: Any, sampler: Any) -> None:
-    """Do for a foreign sampler what pycma does for its own only."""
+    """Set up a foreign sampler as pycma sets up only its own."""
     rates = sampler.parameters(mueff=es.sp.weights.mueff, lam=es.sp.weights.lambda_)
     # Without this the negative weights are too large for the covariance to stay positive definite.
     es.sp.weights.finalize_negative_weights(es.N, rates["c1"], rates["cmu"])

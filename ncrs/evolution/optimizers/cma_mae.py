@@ -26,8 +26,8 @@ class CMAMAE(EmitterOptimizer):
     ``(1 - learning_rate) t + learning_rate fitness``. With learning rate 1 the thresholds are the
     elites' fitness, as in CMA-ME; with 0 this is CMA-ES on plain fitness.
 
-    (The method's authors restart an emitter on CMA-ES's own convergence, which noise prevents here;
-    see ``patience``.) See ``EmitterOptimizer`` for the arguments.
+    The source restarts an emitter when its CMA-ES converges, which noise prevents here; see
+    ``patience`` instead. See ``EmitterOptimizer`` for the arguments.
     """
 
     settings: CMAMAESettings
@@ -39,15 +39,17 @@ class CMAMAE(EmitterOptimizer):
         self._thresholds: NDArray[np.float64] = np.empty(0)
 
     def attach(self, archive: Archive) -> None:
+        """Attach the run's archive, and reset all thresholds to ``threshold_min``."""
         super().attach(archive)
         self._thresholds = np.full(len(archive.space.triples), self.settings.threshold_min)
 
     @property
     def thresholds(self) -> NDArray[np.float64]:
-        """A copy of the threshold of every cell, ``(K,)``."""
+        """Copy of the threshold of every cell, ``(K,)``."""
         return self._thresholds.copy()
 
     def metrics(self) -> dict[str, float]:
+        """Return the emitters' metrics and the mean threshold."""
         return {**super().metrics(), "threshold_mean": float(self._thresholds.mean())}
 
     def _judge(self, fitness: Fitness, added: AddResult) -> tuple[Fitness, bool]:

@@ -1,4 +1,4 @@
-"""CMA-ES emitters that take turns, as in CMA-ME and its successor."""
+"""CMA-ES emitters that take turns, as in CMA-ME and CMA-MAE."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ncrs.evolution.optimizers.settings import EmitterSettings
 
 
 class EmitterOptimizer(QDOptimizer):
-    """E emitters in turn; each generation is the population of one (paper, section 5).
+    """Emitters that take turns; each generation is the population of one (paper section 5).
 
-    An emitter restarts from a random elite when it has added nothing to the archive, neither an
-    elite in an empty cell nor a better one, for more than ``patience`` of its turns, and there are
-    more elites than emitters.
+    An emitter restarts from a random elite when more than ``patience`` of its turns in a row have
+    added nothing to the archive, neither a new elite nor a better one, and there are more elites
+    than emitters.
 
     Args:
         dimension: Length N of a genome.
@@ -38,14 +38,15 @@ class EmitterOptimizer(QDOptimizer):
         self._emitters = [
             CMAES(dimension, child, settings.emitter) for child in seed.spawn(settings.emitters)
         ]
-        # Each emitter's state since its last turn, taken then, so that a checkpoint need not
-        # copy all of them in one generation.
+        # Each emitter's state after its last turn, copied then, so that a checkpoint need not copy
+        # all of them in one generation.
         self._kept: list[State | None] = [None] * len(self._emitters)
         self._turn = 0
         self._idle = [0] * len(self._emitters)
         self._restarts = 0
 
     def metrics(self) -> dict[str, float]:
+        """Return the emitters' step sizes, restarts and the longest wait for a useful turn."""
         sigmas = [emitter.sigma for emitter in self._emitters]
         return {
             "sigma": float(np.median(sigmas)),
@@ -56,13 +57,14 @@ class EmitterOptimizer(QDOptimizer):
         }
 
     def start_from(self, genome: NDArray[np.float64]) -> None:
+        """Search around ``genome``, ``(N,)``, with all emitters."""
         for emitter in self._emitters:
             emitter.start_from(genome)
         self._kept = [None] * len(self._emitters)
 
     @abstractmethod
     def _judge(self, fitness: Fitness, added: AddResult) -> tuple[Fitness, bool]:
-        """Values that the emitter maximises, ``(P,)``, and whether its turn brought anything."""
+        """Return the values that the emitter maximises, ``(P,)``, and True for a useful turn."""
 
     def _ask(self) -> Genomes:
         return self._emitters[self._turn].ask()

@@ -1,6 +1,6 @@
-"""MAP-Elites: variation of random elites, without a model of where to search.
+"""MAP-Elites: variation of random elites, without a model of the search space.
 
-Source: Mouret and Clune 2015; the iso+line operator is that of Vassiliades and Mouret 2018.
+Source: Mouret and Clune 2015; for the iso+line operator Vassiliades and Mouret 2018.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class MAPElites(QDOptimizer):
     body); more follow while the archive is empty. After that every genome is the child of a
     random elite, by one of two operators:
 
-    - iso+line: ``x_i + iso_sigma N(0, I) + line_sigma N(0, 1) (x_j - x_i)`` for two elites (their
-      equation 1);
+    - iso+line: ``x_i + iso_sigma N(0, I) + line_sigma N(0, 1) (x_j - x_i)`` for two elites
+      (Vassiliades and Mouret, equation 1);
     - sparse: a random fraction of the weights gets normal noise. The fraction is log-uniform from
       one weight to all, the noise's size log-uniform from ``sparse_sigma_min`` to
-      ``sparse_sigma_max``, both drawn for each child: no single size of step suits both growth,
-      which one weight can change, and control.
+      ``sparse_sigma_max``, both drawn for each child. No single step size suits both growth, which
+      one weight can change, and control.
     """
 
     settings: MAPElitesSettings
@@ -41,6 +41,7 @@ class MAPElites(QDOptimizer):
         self._told = 0
 
     def metrics(self) -> dict[str, float]:
+        """Return 1 while the first genomes are drawn, then 0."""
         return {"initial": float(self._told < self.settings.initial_genomes)}
 
     def _ask(self) -> Genomes:

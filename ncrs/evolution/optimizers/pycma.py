@@ -1,4 +1,4 @@
-"""pycma, imported in one place: it warns about plotting packages that only its own figures need."""
+"""The import of pycma, without its warnings about packages that only its own figures need."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The state of a pycma evolution strategy as plain data, without pickle.
 
 pycma keeps its state in attributes of a small tree of its own objects. ``capture`` copies those
-that hold data; ``restore`` lays them over a new strategy with the same options, which brings
-all that is code.
+that hold data; ``restore`` writes them into a new strategy with the same options, which provides
+the code.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from ncrs.evolution.optimizers.pycma import ElapsedWCTime
 from ncrs.evolution.optimizers.settings import OptimizerError
 
-# Not state: options and what follows from them, logs, clocks, what the last call was given, and
+# Not state: options and values that follow from them, logs, clocks, arguments of the last call, and
 # pycma's copies of the sampler's matrices.
 _LEFT_OUT = frozenset(
     {
@@ -30,7 +30,7 @@ _SAMPLER_MATRICES = frozenset({"B", "C", "D"})
 
 
 class PycmaStateError(OptimizerError):
-    """A state that does not fit pycma's objects, as of another pycma version."""
+    """A state that does not fit pycma's objects, such as one of another pycma version."""
 
 
 def _is_pycma_object(value: Any) -> bool:
@@ -52,7 +52,7 @@ def _members(owner: Any, name: str) -> Iterator[tuple[str, Any]]:
 
 def _copy(value: Any) -> Any:
     if isinstance(value, np.ndarray):
-        # The memory layout stays: products with the eigenvectors round differently in another.
+        # In the same memory layout: products with the eigenvectors round differently in another.
         return value.copy(order="K")
     if isinstance(value, np.generic):
         return value.item()
@@ -65,8 +65,8 @@ def capture(strategy: Any, *, sampler: bool = True) -> dict[str, Any]:
     """Copy a strategy's state into nested dicts of arrays and JSON values.
 
     Args:
-        strategy: a ``cma.CMAEvolutionStrategy``.
-        sampler: whether to include the sampler, which holds nearly all the memory.
+        strategy: ``cma.CMAEvolutionStrategy`` to copy from.
+        sampler: True to include the sampler, which holds nearly all the memory.
     """
     state = _capture(strategy, "")
     if sampler:
@@ -76,7 +76,7 @@ def capture(strategy: Any, *, sampler: bool = True) -> dict[str, Any]:
 
 
 def _keeps_own_state(sampler: Any) -> bool:
-    """Whether the sampler is one of ours: its matrices are not numpy's."""
+    """Return True for a sampler of our own, whose matrices are not numpy's."""
     return hasattr(sampler, "load_state")
 
 
@@ -91,10 +91,10 @@ def _capture(owner: Any, name: str) -> dict[str, Any]:
 
 
 def restore(strategy: Any, state: dict[str, Any]) -> None:
-    """Lay a captured state over a strategy made with the same options.
+    """Write a captured state into a strategy made with the same options.
 
     Raises:
-        PycmaStateError: the state has parts that the strategy does not know.
+        PycmaStateError: If the state has parts that the strategy does not have.
     """
     state = dict(state)
     if _keeps_own_state(strategy.sm):

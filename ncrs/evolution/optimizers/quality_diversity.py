@@ -1,4 +1,4 @@
-"""The parts that the optimizers which fill an archive share."""
+"""Base class and ranking of the optimizers that fill an archive."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ IntArray = NDArray[np.int64]
 
 
 class QDOptimizer(Optimizer):
-    """An optimizer that learns from what its genomes add to the archive it is attached to."""
+    """An optimizer that learns from the effect of its genomes on the attached archive."""
 
     candidate_source: ClassVar[str] = "elite"
 
@@ -26,12 +26,12 @@ class QDOptimizer(Optimizer):
         return self._attached
 
     def tell(self, fitness: Fitness, added: AddResult | None = None) -> None:
-        """As every optimizer's; ``added`` is required."""
+        """Learn from the last population, see ``Optimizer.tell``; ``added`` is required."""
         missing = added is None or len(added.status) != len(np.atleast_1d(fitness))
         if missing and self._asked is not None:  # tell before ask is refused below
             given = None if added is None else f"{len(added.status)} genomes"
             raise OptimizerError(
-                f"{self.name} needs what Archive.add returned for the {np.size(fitness)} genomes "
+                f"{self.name} needs the result of Archive.add for the {np.size(fitness)} genomes "
                 f"told, got {given}."
             )
         super().tell(fitness, added)
@@ -44,11 +44,11 @@ class QDOptimizer(Optimizer):
 
 
 def ranks(stage: IntArray, value: Fitness) -> Fitness:
-    """Rank of each genome, float64 ``(P,)``, larger is better.
+    """Rank genomes by two keys, float64 ``(P,)``, larger is better.
 
     Args:
-        stage: Key that decides first, ``(P,)``, larger is better.
-        value: Key that decides within a stage, ``(P,)``.
+        stage: First key, ``(P,)``, larger is better.
+        value: Second key, which decides within a stage, ``(P,)``, larger is better.
     """
     result = np.empty(len(stage))
     result[np.lexsort((value, stage))] = np.arange(len(stage))
@@ -58,10 +58,10 @@ def ranks(stage: IntArray, value: Fitness) -> Fitness:
 def without_cell_worst(
     stage: IntArray, value: Fitness, fitness: Fitness, added: AddResult
 ) -> Fitness:
-    """``ranks`` with the genomes that have no cell below all others, by their own fitness.
+    """Rank as ``ranks`` does, with genomes that have no cell below all others, by their fitness.
 
     Invalid bodies earn partial credit, which leads a search that starts among them to valid ones.
     """
     placed = added.cells != NO_CELL
-    lowest = int(stage.min()) - 1
-    return ranks(np.where(placed, stage, lowest), np.where(placed, value, fitness))
+    below_all = int(stage.min()) - 1
+    return ranks(np.where(placed, stage, below_all), np.where(placed, value, fitness))

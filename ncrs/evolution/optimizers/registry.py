@@ -26,7 +26,7 @@ class Entry(NamedTuple):
 
     settings: type[OptimizerSettings]
     path: str
-    """Module and class: an optimizer is imported when it is made, so that others need not be."""
+    """Module and class; the module is imported only when the optimizer is made."""
 
 
 _HERE = "ncrs.evolution.optimizers"
@@ -57,7 +57,7 @@ def make_optimizer(
         seed: Seed of the optimizer's generator, its only source of randomness.
 
     Raises:
-        OptimizerError: a device that torch cannot use.
+        OptimizerError: If torch cannot use the device of the settings.
     """
     module, _, name = OPTIMIZERS[settings.name].path.partition(":")
     cls: type[Optimizer] = getattr(importlib.import_module(module), name)

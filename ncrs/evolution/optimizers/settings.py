@@ -31,11 +31,11 @@ class OptimizerSettings:
     """The settings that all optimizers have.
 
     Raises:
-        OptimizerError: a setting is of another type, or out of range.
+        OptimizerError: If a setting has another type, or is out of range.
     """
 
     name: str
-    """Name of the optimizer whose settings these are; chosen with optimizer=NAME."""
+    """Name of the optimizer; chosen with optimizer=NAME."""
     population: int
     """Genomes per generation; with emitters, those of the emitter whose turn it is."""
 
@@ -58,7 +58,7 @@ class OptimizerSettings:
         return bool(getattr(self, name) != self._default(name))
 
     def _refuse_changes(self, names: Iterable[str], reason: str) -> None:
-        """Raise ``OptimizerError`` if settings that have no effect differ from their defaults."""
+        """Raise ``OptimizerError`` if settings without effect differ from their defaults."""
         changed = [name for name in names if self._is_changed(name)]
         if changed:
             raise OptimizerError(f"{reason}: leave out {', '.join(changed)}.")
@@ -156,8 +156,8 @@ class SearchSettings(CMASettings):
     """Step size below which the search starts again, with the first sigma and nothing learned; null
     for never."""
     restart_from: str = "mean"
-    """Genome at which it starts again: mean; best, the best that was told so far (on new scenarios
-    every generation it is a lucky draw); or elite, the best of the archive, whose fitness can be
+    """Genome at which the search starts again: mean; best, the best so far (a lucky draw where
+    every generation has new scenarios); or elite, the best of the archive, whose fitness can be
     estimated again (mean while there is none)."""
 
     covariance: ClassVar[str]
@@ -193,8 +193,10 @@ class CMAESSettings(SearchSettings, MatrixSettings):
 
 @dataclass
 class SepCMAESSettings(SearchSettings):
-    """Separable CMA-ES: variances only, in linear memory and with faster learning rates; with a
-    larger sigma it leaves the first plateau sooner."""
+    """Separable CMA-ES: variances only, in linear memory and with faster learning rates.
+
+    Its larger sigma leaves the first plateau sooner.
+    """
 
     name: str = "sep_cma_es"
     parents: int | None = 14
@@ -205,7 +207,7 @@ class SepCMAESSettings(SearchSettings):
 
 @dataclass
 class IsoCMAESSettings(SepCMAESSettings):
-    """CMA-ES with mean and step size only: the control that learns no covariance."""
+    """CMA-ES with mean and step size only: the control experiment, which learns no covariance."""
 
     name: str = "iso_cma_es"
 
@@ -236,6 +238,7 @@ class EmitterSettings(CMASettings, MatrixSettings):
 
     @property
     def maximises_fitness(self) -> bool:
+        """False: the emitters learn from their effect on the archive."""
         return False
 
     @property
@@ -264,6 +267,7 @@ class CMAMESettings(EmitterSettings):
 
     @property
     def maximises_fitness(self) -> bool:
+        """True if the emitters rank genomes by fitness."""
         return self.ranking == "fitness"
 
 
@@ -277,7 +281,7 @@ class CMAMAESettings(EmitterSettings):
     """Speed at which the thresholds rise, 0 to 1 (alpha in the source): with 0 this is CMA-ES on
     fitness, with 1 CMA-ME."""
     threshold_min: float = 0.0
-    """First threshold of every cell: the lowest fitness worth having."""
+    """First threshold of every cell: the minimum fitness worth having."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -299,13 +303,14 @@ class MAPElitesSettings(OptimizerSettings):
     iso_sigma: float = 0.01
     """Standard deviation of the noise that the iso+line operator adds to every weight."""
     line_sigma: float = 0.2
-    """Standard deviation of its step along the line through two elites, in their distances."""
+    """Standard deviation of its step along the line through two elites, per unit of their
+    distance."""
     sparse_fraction: float = 0.5
     """Fraction of the children that the sparse operator makes, 0 to 1; iso+line makes the rest."""
     sparse_sigma_min: float = 0.01
-    """Smallest standard deviation of the sparse operator's noise."""
+    """Minimum standard deviation of the sparse operator's noise."""
     sparse_sigma_max: float = 1.0
-    """Largest standard deviation of the sparse operator's noise."""
+    """Maximum standard deviation of the sparse operator's noise."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -323,6 +328,7 @@ class MAPElitesSettings(OptimizerSettings):
 
     @property
     def maximises_fitness(self) -> bool:
+        """False: parents are drawn from the archive, whatever the fitness."""
         return False
 
 
