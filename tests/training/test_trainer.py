@@ -144,27 +144,40 @@ def test_a_longer_run_goes_on_where_the_shorter_ended(undisturbed_quick, tmp_pat
     assert steps == list(range(GENERATIONS))
 
 
-def start(run_dir):
-    command = [*COMMAND, f"hydra.run.dir={run_dir}"]
-    if CheckpointFolder(run_dir / "checkpoints").paths():
-        command = [sys.executable, "train.py", f"resume={run_dir}"]
-    return subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
+@pytest.fixture
+def start():
+    """Starts or resumes a run in a process; none outlives its test."""
+    processes = []
+
+    def start_process(run_dir):
+        command = [*COMMAND, f"hydra.run.dir={run_dir}"]
+        if CheckpointFolder(run_dir / "checkpoints").paths():
+            command = [sys.executable, "train.py", f"resume={run_dir}"]
+        process = subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+        processes.append(process)
+        return process
+
+    yield start_process
+    for process in processes:
+        process.kill()
+        process.wait()
+        process.stdout.close()
 
 
 def wait_for_checkpoint(run_dir, generation, process):
     """Wait for the checkpoint of that generation or a later one."""
     name = f"generation_{generation:08d}.npz"
     folder = CheckpointFolder(run_dir / "checkpoints")
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 120  # against hanging: a busy machine needs a minute to start
     while not any(path.name >= name for path in folder.paths()):
         assert process.poll() is None, process.stdout.read()
         assert time.monotonic() < deadline
         time.sleep(0.005)
 
 
-def test_a_run_killed_again_and_again_ends_bit_equal(undisturbed, tmp_path):
+def test_a_run_killed_again_and_again_ends_bit_equal(undisturbed, start, tmp_path):
     run_dir = tmp_path / "killed"
     # Between checkpoints, while one is being written, wherever it happens to be.
     for generation, delay in ((0, 0.0), (2, 0.03), (4, 0.1)):
@@ -173,7 +186,6 @@ def test_a_run_killed_again_and_again_ends_bit_equal(undisturbed, tmp_path):
         time.sleep(delay)
         process.kill()
         process.wait()
-        process.stdout.close()
     process = start(run_dir)
     output, _ = process.communicate(timeout=120)
     assert process.returncode == 0, output
@@ -182,7 +194,7 @@ def test_a_run_killed_again_and_again_ends_bit_equal(undisturbed, tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_polite_stop_saves_says_so_and_goes_on_exactly(undisturbed, tmp_path, number):
+def test_a_polite_stop_saves_says_so_and_goes_on_exactly(undisturbed, start, tmp_path, number):
     run_dir = tmp_path / "stopped"
     process = start(run_dir)
     wait_for_checkpoint(run_dir, 1, process)
@@ -285,7 +297,7 @@ def run_train(*arguments):
 def test_a_sweep_has_a_folder_for_each_job(tmp_path):
     # Genomes so small that no champion is found, whose assessment would take most of the time.
     done = run_train(
-        "-m", "engine=box2d", "engine.workers=1", "optimizer.population=4", "optimizer.sigma=1e-6",
+        "-m", "engine=box2d", "engine.workers=1", "optimizer.population=16", "optimizer.sigma=1e-6",
         "generations=1", "episodes=2", "task=light_chase,obstacle", "seed=0,1",
         f"hydra.sweep.dir={tmp_path}",
     )  # fmt: skip
