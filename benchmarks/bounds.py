@@ -1,12 +1,12 @@
-"""How much of the tasks can be done at all: ``python -m benchmarks.bounds``.
+"""Limits of success in the tasks: ``python -m benchmarks.bounds``.
 
-First, in how many scenarios the way is short enough for a robot that drives as fast as wheels can.
-A wheel's force vanishes at ``MAX_SPEED``. The estimate ignores turning and collisions, and lets the
-robot touch the ball with its far corner, so it is generous; but a ball that is flung rather than
-pushed may be faster.
+The first is the fraction of scenarios in which the way is short enough for a robot that drives as
+fast as wheels can. A wheel's force vanishes at ``MAX_SPEED``. The estimate ignores turning and
+collisions, and lets the robot touch the ball with its far corner, so it is generous; but a ball
+that is flung rather than pushed may be faster.
 
-Then how often a hand-made robot gets to Obstacle's light that is steered by more than sensors tell:
-where the light is, and where the passage. It runs on the batched simulator.
+The second is the success in Obstacle of a hand-made robot that knows more than sensors tell: the
+positions of the light and of the passage. It drives on the batched simulator.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TASKS, get_task
 
 MAX_SPEED = WHEEL_THRUST / WHEEL_FORWARD_FRICTION
-"""Units per second."""
+"""Maximum speed of a wheel in units per second."""
 REACH = MAX_SPEED * DT * MAX_EPISODE_STEPS
-"""Units in an episode."""
+"""Maximum way of a robot in an episode, in units."""
 
 SLIDER = ["..L..", ".....", "..W..", ".WWW.", "..W.."]
-"""Three cells wide, with a nose that slides along walls, and wheels close together to turn fast."""
+"""Body three cells wide: a nose that slides along walls, and wheels close together to turn fast."""
 GAIN = 4.0
-"""Of the steering, in gas per radian."""
+"""Gain of the steering, in gas per radian."""
 BEFORE_EXIT = 3.0
-"""How far below the walls' end a robot counts as through, in units."""
+"""Distance below the walls' end from which a robot counts as through, in units."""
 
 
 @dataclass(frozen=True)
 class Driver:
-    """What the robot is steered by; what it is not told, it ignores."""
+    """Knowledge that a robot is steered by."""
 
     name: str
     knows_passage: bool
@@ -56,7 +56,7 @@ DRIVERS = (
 
 
 def way(scenario: Scenario, success_radius: float) -> float:
-    """Shortest way in units: of the robot's centre, or of the robot and then the ball."""
+    """Measure the shortest way in units: of the robot, or of the robot and then the ball."""
     if scenario.ball is not None and scenario.target is not None:
         corner = math.hypot(1.0, 1.0) * DEFAULT_GRID_SIZE * CELL_SIZE / 2.0
         to_ball = max(0.0, math.dist(scenario.start, scenario.ball) - corner - BALL_RADIUS)
@@ -74,10 +74,10 @@ def way(scenario: Scenario, success_radius: float) -> float:
 
 
 def steered(turn: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Full throttle, less or backwards on the side to turn to.
+    """Drive at full throttle, with less or reverse gas on the side to turn to.
 
     Args:
-        turn: ``(N,)``, positive anticlockwise; 2 turns on the spot.
+        turn: Difference in gas, ``(N,)``, positive anticlockwise; 2 turns on the spot.
 
     Returns:
         Actions, float32 ``(N, n, n)``.
@@ -87,7 +87,7 @@ def steered(turn: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 def driven(driver: Driver, scenarios: list[Scenario]) -> tuple[float, float]:
-    """Shares of Obstacle's scenarios in which ``SLIDER`` gets to the light, and crosses."""
+    """Drive ``SLIDER`` through Obstacle; returns the fractions that succeed, and that cross."""
     exits = np.array([passage(scenario) for scenario in scenarios])
     lights = np.array([scenario.light for scenario in scenarios])
     envs = gymnasium.make_vec(TASKS["obstacle"].env_id, num_envs=len(scenarios))
@@ -96,17 +96,17 @@ def driven(driver: Driver, scenarios: list[Scenario]) -> tuple[float, float]:
     for _ in range(MAX_EPISODE_STEPS):
         x, y, angle = infos["pose"].T
         through |= y > exits[:, 1] - BEFORE_EXIT
-        told = np.where(through, driver.knows_light, driver.knows_passage)
+        known = np.where(through, driver.knows_light, driver.knows_passage)
         goals = np.where(through[:, None], lights, exits + (0.0, BEFORE_EXIT))
         bearing = np.arctan2(x - goals[:, 0], goals[:, 1] - y)
         error = np.remainder(bearing - angle + math.pi, 2.0 * math.pi) - math.pi
-        *_, infos = envs.step(steered(np.where(told, GAIN * error, 0.0)))
+        *_, infos = envs.step(steered(np.where(known, GAIN * error, 0.0)))
     envs.close()
     return float(infos["success"].mean()), float(infos["crossed"].mean())
 
 
 def main() -> None:
-    """Print the share of scenarios that are short enough, for each task, and what drivers reach."""
+    """Print the fraction of short enough scenarios in each task, and the success of each driver."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--scenarios", type=int, default=4000, help="default: %(default)s")
     count = parser.parse_args().scenarios

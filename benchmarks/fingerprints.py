@@ -1,17 +1,15 @@
-"""Hashes of what NCRS computes, to show that a refactoring computes the same.
-
-::
+"""Hashes of NCRS's results, to show that a change of the code leaves them as they are.
 
     python -m benchmarks.fingerprints --output before.json
     python -m benchmarks.fingerprints --compare before.json    # after the change
 
 - ``evaluations``: populations of 112 genomes in 12 episodes, three tasks on both engines, and a
   smaller one on 7 x 7 cells (about 2 minutes on two cores).
-- ``runs``: archive, champion and metrics of a short run of every optimizer, between them with every
-  setting that changes what is computed (about 4 minutes).
-- ``reports``: the values in the pages of two of these runs.
+- ``runs``: archive, champion and metrics of a short run of every optimizer; together they use
+  every setting that changes results (about 4 minutes).
+- ``reports``: the values in the reports of two of these runs.
 
-Name some of the parts to compute only those. Hashes are comparable on one machine with the same
+Name one or more parts to compute only those. Hashes are comparable on one machine with the same
 versions of numpy, torch and numba: elsewhere floating point may round differently.
 """
 
@@ -43,7 +41,7 @@ Fingerprint: TypeAlias = "str | dict[str, str | int]"
 ROOT = Path(__file__).parents[1]
 PARTS = ("evaluations", "runs", "reports")
 DIGITS = 16
-"""Hexadecimal digits that are kept of a hash."""
+"""Number of hexadecimal digits that are kept of a hash."""
 
 EVALUATION_SEED = 3
 LARGE_GRID = 7
@@ -147,7 +145,7 @@ _ROBOT_COLUMNS = ("measures", "fitness", "success", "generation", "body")
 
 
 def digest(*arrays: Any) -> str:
-    """Hash of arrays: their dtypes, shapes and bytes."""
+    """Hash arrays: their dtypes, shapes and bytes."""
     total = hashlib.sha256()
     for array in map(np.ascontiguousarray, arrays):
         total.update(str((array.dtype.str, array.shape)).encode())
@@ -156,12 +154,12 @@ def digest(*arrays: Any) -> str:
 
 
 def text_digest(lines: Iterable[str]) -> str:
-    """Hash of lines of text in any order, so that moving or renaming a value does not change it."""
+    """Hash lines of text in any order, so that moving or renaming a value changes nothing."""
     return hashlib.sha256("\n".join(sorted(lines)).encode()).hexdigest()[:DIGITS]
 
 
 def evaluation_digest(evaluation: ncrs.Evaluation) -> str:
-    """Hash of all arrays of an evaluation."""
+    """Hash all arrays of an evaluation."""
     return digest(
         evaluation.fitness,
         evaluation.episode_fitness,
@@ -175,9 +173,9 @@ def evaluation_digest(evaluation: ncrs.Evaluation) -> str:
 
 
 def mixed_genomes(task: str) -> NDArray[np.float32]:
-    """112 genomes, ``(112, N)``: 80 with nearly full bodies, a champion with 23 mutants, 8 random.
+    """Make 112 genomes, ``(112, N)``, that cover all contacts, and invalid bodies too.
 
-    They cover all contacts, invalid bodies too.
+    80 have nearly full bodies, 24 are a champion and 23 mutants of it, 8 are random.
     """
     champion = ncrs.load_champion(f"{task}/best").genome
     rng = np.random.default_rng(1)
@@ -189,7 +187,7 @@ def mixed_genomes(task: str) -> NDArray[np.float32]:
 
 
 def evaluation_fingerprints(task: str) -> Iterator[tuple[str, Fingerprint]]:
-    """Names and hashes of a task's evaluations."""
+    """Compute the hashes of a task's evaluations, each with its name."""
     genomes = mixed_genomes(task)
     for engine in ("batched", "box2d"):
         evaluation = ncrs.evaluate(
@@ -211,14 +209,14 @@ def train(folder: Path, overrides: Mapping[str, str]) -> None:
     """Train a run into ``folder``.
 
     Raises:
-        RuntimeError: ``train.py`` failed; the message ends with what it printed.
+        RuntimeError: If ``train.py`` fails; the message ends with its output.
     """
     settings = [f"{name}={value}" for name, value in overrides.items()]
     _call("train.py", f"hydra.run.dir={folder}", *settings)
 
 
 def run_fingerprint(folder: Path) -> Fingerprint:
-    """Hashes of a run's archive, champion and metrics; what depends on time is left out."""
+    """Hash a run's archive, champion and metrics, except metrics that depend on time."""
     archive = ncrs.load_archive(folder).archive
     columns = [archive.column(name) for name in _ARCHIVE_COLUMNS]
     fingerprint: dict[str, str | int] = {
@@ -242,7 +240,7 @@ def _is_computed(metric: str) -> bool:
 
 
 def report_fingerprint(folder: Path) -> Fingerprint:
-    """Hashes of the values in each data file of a run's report."""
+    """Hash the values in each data file of a run's report."""
     fingerprint: dict[str, str | int] = {}
     for path in sorted((folder / "report" / "data").glob("*.js")):
         values = data_of(path.read_text(encoding="utf-8"))
@@ -253,13 +251,13 @@ def report_fingerprint(folder: Path) -> Fingerprint:
 
 
 def data_of(script: str) -> Any:
-    """The data that one of a report's scripts hands over: the last argument of its only call."""
+    """Parse the data of one of a report's scripts: the last argument of its only call."""
     start, end = script.index("(") + 1, script.rindex(")")
     return json.loads(f"[{script[start:end]}]")[-1]
 
 
 def leaves(value: Any) -> Iterator[str]:
-    """All plain values in nested JSON, each as JSON."""
+    """Iterate over all plain values in nested JSON, each as JSON."""
     if isinstance(value, dict | list):
         for item in value.values() if isinstance(value, dict) else value:
             yield from leaves(item)
@@ -268,7 +266,7 @@ def leaves(value: Any) -> Iterator[str]:
 
 
 def fingerprints(parts: Iterable[str], folder: Path) -> Iterator[tuple[str, Fingerprint]]:
-    """Names and fingerprints of the given parts; runs are trained into ``folder``."""
+    """Compute the given parts' fingerprints, each with its name; train runs into ``folder``."""
     parts = set(parts)
     if "evaluations" in parts:
         for task in TASKS:
@@ -286,7 +284,7 @@ def fingerprints(parts: Iterable[str], folder: Path) -> Iterator[tuple[str, Fing
 def differences(
     before: Mapping[str, Fingerprint], after: Mapping[str, Fingerprint]
 ) -> list[tuple[str, Fingerprint | None, Fingerprint]]:
-    """Name, value before (None if there was none) and value after of all that differs."""
+    """List name, value before (None if there was none) and value after of all that differs."""
     return [
         (name, before.get(name), value)
         for name, value in after.items()
@@ -295,14 +293,18 @@ def differences(
 
 
 def _call(*arguments: str) -> None:
-    """Call Python in the repository's root; ``RuntimeError`` if it fails."""
+    """Call Python in the repository's root.
+
+    Raises:
+        RuntimeError: If it fails.
+    """
     done = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, cwd=ROOT)
     if done.returncode:
         raise RuntimeError(f"python {' '.join(arguments)} failed:\n{done.stdout}{done.stderr}")
 
 
 def main() -> None:
-    """Print fingerprints; save them, or compare them with saved ones, if asked to."""
+    """Print fingerprints; save them, or compare them with saved ones, on request."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -2,19 +2,19 @@
 
     python -m benchmarks.generation [--json] [--optimizers NAME ...]
 
-Each optimizer trains in a process of its own, in the real training loop: on the fast engine, with
-12 runs of 100 steps, its own default population (112 for CMA-ES, 128 for CMA-ME) and settings. Only
-the genomes that are simulated are replaced by ones that grow nearly full bodies, as those of a run
-under way do. ``--json`` prints ``{optimizer: {"ask_s", "rollout_s", "tell_s", "log_s",
+Each optimizer trains in a process of its own, in the real training loop: on the batched engine,
+with 12 episodes of 100 steps, and with its own default settings (population 112 for CMA-ES, 128 for
+CMA-ME). Only the simulated genomes are replaced by ones that grow nearly full bodies, as those of a
+run under way do. ``--json`` prints ``{optimizer: {"ask_s", "rollout_s", "tell_s", "log_s",
 "checkpoint_s", "total_s", "peak_memory_gb"}}``.
 
 - ``ask_s`` and ``tell_s`` are means: CMA-ES renews its factor of the covariance every few
-  generations only, and each emitter of CMA-ME every few of its own turns, for which the run is
-  made longer. ``tell_s`` includes adding to the archive, by its median. The others are medians.
-- ``checkpoint_s`` is the longest that one checkpoint held the loop up. Here there is one every 5 s,
-  by default every 30 s, and the archive is nearly empty. ``total_s`` is the sum of the five, a
-  generation with a checkpoint; drawing scenarios and statistics, some milliseconds, are not in it.
-- ``peak_memory_gb`` is the whole process, with some 0.6 GB for Python, torch and numba.
+  generations only, and each emitter of CMA-ME every few of its own turns, so its run is longer.
+  ``tell_s`` includes the median time of adding to the archive. The others are medians.
+- ``checkpoint_s`` is the maximum time for which one checkpoint held the loop up. Here there is one
+  every 5 s (by default every 30 s), and the archive is nearly empty. ``total_s`` is the sum of the
+  five: a generation with a checkpoint, without drawing scenarios and statistics (milliseconds).
+- ``peak_memory_gb`` is that of the whole process, about 0.6 GB of it Python, torch and numba.
 - ``cma_es_pycma`` is the same optimizer with pycma's own linear algebra, for the ratio.
 """
 
@@ -44,14 +44,14 @@ from ncrs.training import trainer as training
 
 TASK = "light_chase"
 GENERATIONS = 24
-"""Three of CMA-ES's intervals between two factorisations."""
+"""Number of generations: three of CMA-ES's intervals between two factorisations."""
 TURNS = 8
-"""Of every emitter: one of those intervals."""
+"""Number of turns of every emitter: one of those intervals."""
 CHECKPOINT_SECONDS = 5.0
 MAX_TOTAL_S = 1.5
 PLAIN = "cma_es_pycma"
-_MOST_GENOMES = 256
-# Phases of the training loop, and the column that each is counted to.
+_MAX_GENOMES = 256
+# Phases of the training loop, and the column that each is part of.
 _PHASES: Mapping[str, str] = {
     "ask": "ask_s",
     "evaluate": "rollout_s",
@@ -79,14 +79,14 @@ COLUMNS = ("ask_s", "rollout_s", "tell_s", "log_s", "checkpoint_s", "total_s", "
 
 
 class FullBodies:
-    """An engine that simulates given genomes in place of those that it is asked for."""
+    """An engine that simulates given genomes in place of those that it receives."""
 
     def __init__(self, engine: Engine, genomes: NDArray[np.float32]) -> None:
         self._engine = engine
         self._genomes = genomes
 
     def evaluate(self, genomes: Any, *arguments: Any) -> Evaluation:
-        """As of the engine."""
+        """Evaluate as many of the given genomes as were received."""
         return self._engine.evaluate(self._genomes[: len(genomes)], *arguments)
 
     def __enter__(self) -> FullBodies:
@@ -116,7 +116,7 @@ def _config(optimizer: str, generations: int) -> TrainConfig:
 
 
 def measure(optimizer: str, genomes: NDArray[np.float32], generations: int) -> dict[str, float]:
-    """Train in this process and read the curves that the training loop writes of its phases."""
+    """Train in this process, and read the time of each phase from the run's curves."""
     config = _config(optimizer, generations)
     if isinstance(config.optimizer, EmitterSettings):
         generations = max(generations, TURNS * config.optimizer.emitters)
@@ -140,8 +140,8 @@ def measure(optimizer: str, genomes: NDArray[np.float32], generations: int) -> d
 
 
 def _curve(events: EventAccumulator, tag: str, generations: int) -> list[float]:
-    """Values of all but the first generation, which compiles, and the last, which ends the run."""
-    too_short = f"Nothing in {tag}: the run was too short, use more --generations."
+    """Read a curve without the first generation, which compiles, and the last, which ends all."""
+    too_short = f"{tag} has no values: the run was too short, use more --generations."
     if tag not in events.Tags()["scalars"]:
         raise RuntimeError(too_short)
     values = [e.value for e in events.Scalars(tag) if 1 <= e.step <= generations]
@@ -177,7 +177,7 @@ def main(arguments: list[str] | None = None) -> int:
     results = {}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "genomes.npy"
-        np.save(path, nearly_full_genomes(TASK, _MOST_GENOMES))
+        np.save(path, nearly_full_genomes(TASK, _MAX_GENOMES))
         if not options.json:
             print(f"{'':<14}" + "".join(f"{column:>15}" for column in COLUMNS))
         for name in options.optimizers:

@@ -1,12 +1,12 @@
-"""Is it still CMA-ES? Evaluations to target with our sampler and with plain pycma.
+"""Evaluations to target with our sampler and with plain pycma: is it still CMA-ES?
 
     python -m benchmarks.optimizers [--json] [--functions NAME ...] [--dimensions N ...] [--seeds S]
 
 On four functions, from mean 0 with the optimum at 1, sigma 0.3 and pycma's default population, this
-counts the evaluations until one has a value of at most 1e-9: medians over seeds, where a run that
-does not get there within 10,000 N evaluations counts as infinite. Rosenbrock has a second optimum,
-with -1 in the first coordinate and the value 4, in which some searches end with either sampler;
-those are counted apart. The bar: within 10 % of plain pycma.
+counts the evaluations until one has a value of at most 1e-9. Figures are medians over seeds; a
+search that does not get there within 10,000 N evaluations counts as infinite. Rosenbrock has a
+second optimum, with -1 in the first coordinate and the value 4, in which some searches end with
+either sampler; those are counted apart. The bar: within 10 % of plain pycma.
 """
 
 from __future__ import annotations
@@ -36,28 +36,28 @@ TARGET = 1e-9
 SIGMA = 0.3
 MAX_RELATIVE_DIFFERENCE = 0.1
 EVALUATIONS_PER_DIMENSION = 10_000
-# A population whose values differ by less than this share of the best has converged elsewhere.
+# A population whose values differ by less than this fraction of the best has converged elsewhere.
 FLAT = 1e-12
 
 
 def sphere(x: Array) -> Array:
-    """Sum of squares of ``(P, N)`` about 1."""
+    """Sum the squares of ``(P, N)`` about 1."""
     return np.asarray(((x - 1.0) ** 2).sum(axis=1))
 
 
 def ellipsoid(x: Array) -> Array:
-    """Axes with curvatures from 1 to 10^6, evenly on a logarithmic scale."""
+    """Compute an ellipsoid: curvatures from 1 to 10^6, evenly on a logarithmic scale."""
     return np.asarray(((x - 1.0) ** 2) @ 10.0 ** np.linspace(0.0, 6.0, x.shape[1]))
 
 
 def cigar(x: Array) -> Array:
-    """One axis with curvature 1, all others 10^6."""
+    """Compute a cigar: one axis with curvature 1, all others with 10^6."""
     squares = (x - 1.0) ** 2
     return np.asarray(squares[:, 0] + 1e6 * squares[:, 1:].sum(axis=1))
 
 
 def rosenbrock(x: Array) -> Array:
-    """A bent valley to the optimum at 1."""
+    """Compute Rosenbrock's function: a bent valley to the optimum at 1."""
     along = (1.0 - x[:, :-1]) ** 2
     across = (x[:, 1:] - x[:, :-1] ** 2) ** 2
     return np.asarray((along + 100.0 * across).sum(axis=1))
@@ -72,7 +72,7 @@ FUNCTIONS: Mapping[str, Function] = {
 
 
 def default_population(dimension: int) -> int:
-    """pycma's default."""
+    """Return pycma's default population."""
     return 4 + int(3 * math.log(dimension))
 
 
@@ -97,21 +97,23 @@ class PlainPycma:
         self._es = cma.CMAEvolutionStrategy(np.zeros(dimension), SIGMA, options)
 
     def ask(self) -> Array:
+        """Propose a population, ``(P, N)``."""
         self._asked = self._es.ask()
         return np.array(self._asked)
 
     def tell(self, fitness: Array) -> None:
+        """Learn from the fitness ``(P,)`` of the last population."""
         self._es.tell(self._asked, (-fitness).tolist())
 
 
 @dataclass(frozen=True)
 class Search:
-    """How a search for the target ended."""
+    """End of a search for the target."""
 
     evaluations: float
-    """Until one value was at most ``TARGET``; infinite if that did not happen."""
+    """Number of evaluations until a value was at most ``TARGET``; infinite if none was."""
     best: Array
-    """Where it ended: the best point of the last population, ``(N,)``."""
+    """Best point of the last population, ``(N,)``."""
 
 
 def search(
@@ -120,11 +122,11 @@ def search(
     """Search until a value is at most ``TARGET``, or all are the same, or ``budget`` is spent.
 
     Args:
-        make: optimizer from dimension, seed and population.
-        function: values ``(P,)`` of points ``(P, N)``, minimised.
-        dimension: N.
-        seed: of the optimizer.
-        budget: most evaluations.
+        make: Function that makes an optimizer from dimension, seed and population.
+        function: Function to minimise: values ``(P,)`` of points ``(P, N)``.
+        dimension: Dimension N.
+        seed: Seed of the optimizer.
+        budget: Maximum number of evaluations.
     """
     population = default_population(dimension)
     with warnings.catch_warnings():
@@ -144,17 +146,17 @@ def search(
 
 
 def is_elsewhere(function: str, found: Search) -> bool:
-    """Whether a search of that function ended in its other optimum."""
+    """Check whether a search of that function ended in its other optimum."""
     return function == "rosenbrock" and math.isinf(found.evaluations) and found.best[0] < 0.0
 
 
 def compare(function: str, dimension: int, seeds: int, precision: str) -> dict[str, Any]:
-    """Evaluations to target of ours and of plain pycma.
+    """Compare the evaluations to target of ours and of plain pycma.
 
     Returns:
         ``ours`` and ``pycma``: medians over the seeds that did not end in another optimum, None if
-        infinite; ``ours_elsewhere`` and ``pycma_elsewhere``: how many did; ``ratio`` of the
-        medians, None without both; and whether the bar is ``met``.
+        infinite. ``ours_elsewhere`` and ``pycma_elsewhere``: number of seeds that did. ``ratio``:
+        ratio of the medians, None without both. ``met``: True if the bar is met.
     """
     budget = EVALUATIONS_PER_DIMENSION * dimension
 
@@ -182,7 +184,7 @@ def compare(function: str, dimension: int, seeds: int, precision: str) -> dict[s
 
 
 def _line(row: dict[str, Any]) -> str:
-    """One line of the printed table."""
+    """Format one line of the printed table."""
     line = f"{row['function']:<12}{row['dimension']:>5}{row['seeds']:>7}"
     for name in ("ours", "pycma"):
         median = "-" if row[name] is None else f"{row[name]:.0f}"

@@ -1,12 +1,12 @@
-"""How closely the batched simulator follows Box2D: ``python -m benchmarks.parity [--json]``.
+"""Agreement of the batched simulator with Box2D: ``python -m benchmarks.parity [--json]``.
 
 Both simulators replay the same actions in the same scenarios with the same bodies.
 
-- Free motion: random bodies and actions; how far apart the robots' centres are after 100 steps.
+- Free motion: random bodies and actions; the distance of the robots' centres after 100 steps.
 - Contact: a controller drives Box2D's robot at the light, the ball or the walls, and its actions
-  are recorded; how far apart the runs' fitness is (mean reward over 100 steps), and whether
-  success agrees. Beside it stands Box2D against itself with the start moved by 1e-4 units: what a
-  change too small to see does to a run, and so the least difference that any simulator can reach.
+  are replayed; the difference in fitness (mean reward over 100 steps), and agreement in success.
+  Beside it stands Box2D against itself with the start moved by 1e-4 units. No simulator can be
+  expected to come closer than this effect of a change too small to see.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ MAX_FITNESS_DIFFERENCE = 0.005
 MAX_FITNESS_BIAS = 0.001
 MIN_SUCCESS_AGREEMENT = 0.97
 START_SHIFT = 1e-4
-_FARTHEST = 30.0
-"""Largest distance of the light or ball from the start, in units; far lights have up to four times
-that."""
+_MAX_DISTANCE = 30.0
+"""Maximum distance of the light or ball from the start, in units; far lights: 4 times that."""
 _FAR_LIGHTS = 0.3
+"""Fraction of lights that are far."""
 _WORST = 5
 _MAX_PLACES = 10_000
 
@@ -66,11 +66,11 @@ class Case:
     body: BodyGrid
     scenario: Scenario
     actions: Actions
-    """Float32, shape ``(steps, n, n)``."""
+    """Actions, float32 ``(steps, n, n)``."""
 
 
 def random_body(task: Task, rng: np.random.Generator, grid_size: int) -> BodyGrid:
-    """A valid body of random cells, of which a random part is empty."""
+    """Draw a valid body of random cells, a random fraction of which is empty."""
     while True:
         codes = [int(cell) for cell in task.part_cells]
         body = rng.choice(codes, size=(grid_size, grid_size)).astype(np.int8)
@@ -80,7 +80,7 @@ def random_body(task: Task, rng: np.random.Generator, grid_size: int) -> BodyGri
 
 
 def unstable_body(rng: np.random.Generator, grid_size: int) -> BodyGrid:
-    """A LightChase body of one sensor and wheels, whose friction must be implicit."""
+    """Draw a LightChase body of one sensor and wheels that needs implicit friction."""
     while True:
         body = np.full((grid_size, grid_size), Cell.EMPTY, dtype=np.int8)
         cells = rng.permutation(body.size)[: rng.integers(3, grid_size + 4)]
@@ -116,10 +116,10 @@ def run_batched(task: Task, case: Case) -> Run:
 
 
 def free_cases(count: int) -> Iterator[Case]:
-    """Random bodies and actions in the open, with the light out of the way.
+    """Draw random bodies and actions in the open, with the light out of the way.
 
-    Every fourth body is an unstable one. Actions are white noise, or held for 20 steps at a time,
-    which goes further.
+    Every fourth body is unstable. Actions are white noise, or held for 20 steps at a time, which
+    leads further.
     """
     task = get_task("light_chase")
     for seed in range(count):
@@ -134,7 +134,7 @@ def free_cases(count: int) -> Iterator[Case]:
 
 
 def contact_cases(task: Task, count: int) -> Iterator[Case]:
-    """Episodes in which a controller drives Box2D's robot at something."""
+    """Draw episodes in which a controller drives Box2D's robot at something."""
     for seed in range(count):
         rng = np.random.default_rng([2, seed])
         n = int(rng.choice([3, 5, 5, 5, 7]))
@@ -148,21 +148,22 @@ def contact_cases(task: Task, count: int) -> Iterator[Case]:
 
 
 def _from(point: Point, bearing: float, distance: float) -> Point:
-    """The point that far away; bearing 0 is +y."""
+    """Find the point at a distance in a direction; bearing 0 is +y."""
     return (point[0] - distance * math.sin(bearing), point[1] + distance * math.cos(bearing))
 
 
 def _ahead(scenario: Scenario, rng: np.random.Generator) -> Scenario:
-    """The same scenario with its light or ball ahead of the robot, and a target beyond the ball.
+    """Move the light or ball ahead of the robot, and the target beyond the ball.
 
-    Distances are such that some robots bring it off and others do not.
+    Distances are such that some robots succeed and others do not.
     """
     bearing = rng.uniform(-0.5, 0.5)
     if scenario.ball is None:
         far = rng.random() < _FAR_LIGHTS
-        distance = rng.uniform(_FARTHEST, 4.0 * _FARTHEST) if far else rng.uniform(8.0, _FARTHEST)
+        low, high = (_MAX_DISTANCE, 4.0 * _MAX_DISTANCE) if far else (8.0, _MAX_DISTANCE)
+        distance = rng.uniform(low, high)
         return replace(scenario, light=_from(scenario.start, bearing, distance))
-    ball = _from(scenario.start, bearing, rng.uniform(8.0, _FARTHEST))
+    ball = _from(scenario.start, bearing, rng.uniform(8.0, _MAX_DISTANCE))
     target = _from(ball, bearing + rng.uniform(-0.4, 0.4), rng.uniform(11.0, 50.0))
     return replace(scenario, ball=ball, target=target)
 
@@ -170,7 +171,7 @@ def _ahead(scenario: Scenario, rng: np.random.Generator) -> Scenario:
 def _in_the_funnel(
     task: Task, body: BodyGrid, scenario: Scenario, rng: np.random.Generator
 ) -> Scenario:
-    """The same scenario with the robot at a free place near the passage and the light behind it."""
+    """Move the robot to a free place near the passage, and the light behind the passage."""
     for _ in range(_MAX_PLACES):
         x, y = passage(scenario)
         start = (x + rng.uniform(-15.0, 15.0), rng.uniform(-35.0, -5.0))
@@ -185,16 +186,16 @@ def _in_the_funnel(
 
 
 def passage(scenario: Scenario) -> Point:
-    """Middle of the gap between the walls' upper ends."""
+    """Find the middle of the gap between the walls' upper ends."""
     assert scenario.walls is not None
     (left, y), (right, _) = (line[-1] for line in scenario.walls)
     return ((left + right) / 2.0, y)
 
 
 def _drive(task: Task, body: BodyGrid, scenario: Scenario, rng: np.random.Generator) -> Actions:
-    """Actions of a controller that steers at the ball, or through the passage at the light.
+    """Drive at the ball, or through the passage at the light; returns the actions.
 
-    Noise, held for 10 steps at a time, makes it miss now and then.
+    Noise, held for 10 steps at a time, makes the robot miss now and then.
     """
     n = body.shape[0]
     episode = Episode(TaskSettings(task.name, n), Robot(body), scenario)
@@ -216,7 +217,7 @@ def _drive(task: Task, body: BodyGrid, scenario: Scenario, rng: np.random.Genera
 
 
 def compare_free(count: int) -> dict[str, Any]:
-    """Free motion of ``count`` random bodies; see the module."""
+    """Compare free motion of ``count`` random bodies; see the module."""
     task = get_task("light_chase")
     apart, implicit = [], []
     for case in free_cases(count):
@@ -226,8 +227,8 @@ def compare_free(count: int) -> dict[str, Any]:
     return {
         "bodies": count,
         "unstable_bodies": int(np.sum(implicit)),
-        "largest_distance": float(np.max(apart)),
-        "largest_distance_unstable": float(np.max(np.array(apart)[implicit], initial=0.0)),
+        "max_distance": float(np.max(apart)),
+        "max_distance_unstable": float(np.max(np.array(apart)[implicit], initial=0.0)),
         "met": bool(np.max(apart) <= MAX_FREE_DISTANCE),
     }
 
@@ -237,13 +238,13 @@ def _differences(runs: list[tuple[Run, Run]]) -> dict[str, float]:
     return {
         "mean_absolute": float(np.abs(difference).mean()),
         "bias": float(difference.mean()),
-        "largest": float(np.abs(difference).max()),
+        "max_absolute": float(np.abs(difference).max()),
         "success_agreement": float(np.mean([a.success == b.success for a, b in runs])),
     }
 
 
 def compare_contact(task: Task, count: int) -> dict[str, Any]:
-    """Contact episodes of one task; see the module."""
+    """Compare contact episodes of one task; see the module."""
     against_batched, against_itself = [], []
     worst: list[dict[str, Any]] = []
     for case in contact_cases(task, count):
@@ -283,18 +284,18 @@ def _print_table(results: dict[str, Any]) -> None:
     free = results["free"]
     print(
         f"Free motion, {free['bodies']} bodies ({free['unstable_bodies']} unstable): centres apart "
-        f"by at most {free['largest_distance']:.2e} units after {MAX_EPISODE_STEPS} steps "
-        f"(unstable {free['largest_distance_unstable']:.2e}; bar {MAX_FREE_DISTANCE}).\n"
+        f"by at most {free['max_distance']:.2e} units after {MAX_EPISODE_STEPS} steps "
+        f"(unstable {free['max_distance_unstable']:.2e}; bar {MAX_FREE_DISTANCE}).\n"
     )
     print(
-        f"{'contact':<22}{'episodes':>9}{'touching':>9}{'solved':>8}{'|diff|':>9}{'bias':>10}{'largest':>9}"
+        f"{'contact':<22}{'episodes':>9}{'touching':>9}{'solved':>8}{'|diff|':>9}{'bias':>10}{'max':>9}"
         f"{'success':>9}"
     )
     for name, row in results["contact"].items():
         for label, part in ((name, row), ("  box2d, shifted", row["box2d_against_itself"])):
             print(
                 f"{label:<22}{row['episodes']:>9}{row['touching']:>9}{row['successful']:>8}{part['mean_absolute']:>9.5f}"
-                f"{part['bias']:>10.5f}{part['largest']:>9.4f}{part['success_agreement']:>9.1%}"
+                f"{part['bias']:>10.5f}{part['max_absolute']:>9.4f}{part['success_agreement']:>9.1%}"
             )
     print(
         f"{'bar':<22}{'':>9}{'':>9}{'':>8}{MAX_FITNESS_DIFFERENCE:>9.5f}{MAX_FITNESS_BIAS:>10.5f}"

@@ -1,7 +1,7 @@
-"""The published champions: test them again, or publish the champion of a run.
+"""Tests of the published champions and of runs, and publication of a run's champion.
 
     python -m benchmarks.results                      # the table of docs/results.md
-    python -m benchmarks.results --runs RUN ...       # the same for runs, with what they cost
+    python -m benchmarks.results --runs RUN ...       # the same for runs, with their cost
     python -m benchmarks.results --collect RUN NAME   # RUN's champion becomes assets/champions/NAME
 
 The test is 1,000 fresh episodes, on Box2D and on the batched engine, as ``ncrs evaluate`` runs them
@@ -53,7 +53,7 @@ _ARCHIVE_KEYS = ("filled", "filled_fraction", "qd_score", "best", "beat_standing
 
 
 def tested(champion: Champion) -> dict[str, Assessment]:
-    """The champion's assessment on each engine."""
+    """Assess a champion on each engine."""
     return {
         engine: assess(champion, engine=engine, episodes=TEST_EPISODES, seed=SEED)
         for engine in sorted(ENGINES)
@@ -62,20 +62,20 @@ def tested(champion: Champion) -> dict[str, Assessment]:
 
 @dataclass(frozen=True)
 class Training:
-    """What led to a run's champion: its own run and all earlier stages."""
+    """Training behind a run's champion: its own run and all earlier stages."""
 
     commands: list[str]
-    """Command lines, one after the other."""
+    """Command lines, in order."""
     generations: int
     evaluations: int
     env_steps: int
 
 
 def training_of(run: Path) -> Training:
-    """How a run's champion came about, from the folders of its stages, or the card it began with.
+    """Sum up the training of a run's champion, from its stages' folders and the card it began with.
 
     Raises:
-        ConfigError: a stage is missing.
+        ConfigError: If a stage is missing.
     """
     start = load_config(run).start_from
     if start is None:
@@ -95,9 +95,9 @@ def training_of(run: Path) -> Training:
 
 
 def command_of(run: Path) -> str:
-    """The command line that trained a run, in a folder of its own name.
+    """Reconstruct the command line that trained a run, in a folder of its own name.
 
-    ``generations`` is that of the run's end, which resuming may have raised.
+    ``generations`` has its last value, since resuming may have raised it.
     """
     recorded = run / ".hydra"
     words = yaml.safe_load((recorded / "overrides.yaml").read_text())
@@ -119,13 +119,13 @@ def _start_name(start: str) -> str:
 
 
 def _folder(start: str) -> Path:
-    """The folder of the run that ``start_from`` names by its folder or its champion's file."""
+    """Find the folder of a run that ``start_from`` names by folder or champion's file."""
     path = Path(start)
     return path.parent if path.name == CHAMPION_FILE else path
 
 
 def archive_of(run: Path) -> dict[str, Any]:
-    """An archive's statistics as training left it, and with all elites estimated again."""
+    """Compute an archive's statistics as training left it, and with all elites re-estimated."""
     elites = load_archive(run)
     fresh = reestimated(elites, AUTO_ENGINE, 0, EPISODES)
     return {
@@ -164,19 +164,19 @@ def collect(run: Path, name: str) -> None:
 
 
 def cells_of(champion: Champion) -> str:
-    """The cells of a table's row that say how a champion did in the test."""
+    """Test a champion, and format the results as cells of a table's row."""
     results = tested(champion)
     reference, batched = results["box2d"], results["batched"]
-    share, low, high = reference.success.percentages()
+    success, low, high = reference.success.percentages()
     crossed = "-" if reference.crossed is None else reference.crossed.percentages()[0]
     return (
-        f"{reference.fitness:.4f} | {share} ({low} to {high}) | {crossed} "
+        f"{reference.fitness:.4f} | {success} ({low} to {high}) | {crossed} "
         f"| {batched.fitness:.4f} | {batched.success.percentages()[0]} |"
     )
 
 
 def table() -> None:
-    """Print a row for each champion, tested anew."""
+    """Print a row for each champion, tested again."""
     print(f"| champion | {HEADINGS} |")
     print(f"|---|{_RULE}")
     for name in champions():
@@ -186,7 +186,7 @@ def table() -> None:
 
 
 def table_of_runs(runs: list[Path]) -> None:
-    """Print a row for each run: what it was, what it cost, and its champion's test."""
+    """Print a row for each run: its settings, its cost, and the test of its champion."""
     print(f"| task | optimizer | triples filled | {HEADINGS} |")
     print(f"|---|---|---|{_RULE}")
     for run in runs:

@@ -1,8 +1,8 @@
-"""How the batched engine's cost grows: ``python -m benchmarks.scaling [--json]``.
+"""Speed of the batched engine by size of the problem: ``python -m benchmarks.scaling [--json]``.
 
 Environment steps per second of LightChase with nearly full bodies, NCA included, against threads,
-population, runs and grid size, and the peak memory of a process that evaluates the paper's
-generation (112 genomes x 12 runs x 100 steps).
+population, episodes and grid size, and the peak memory of a process that evaluates the paper's
+generation (112 genomes x 12 episodes x 100 steps).
 """
 
 from __future__ import annotations
@@ -14,24 +14,35 @@ import subprocess
 import sys
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from benchmarks.workload import EPISODES, POPULATION, nearly_full_genomes, rollout_speed
+from ncrs.runs.settings import EngineSettings
 from ncrs_envs.cores import available_cores
+from ncrs_envs.tasks import TaskSettings
 
 TASK = "light_chase"
 POPULATIONS = (1, 8, 29, POPULATION, 448)
 EPISODE_COUNTS = (1, 3, 6, EPISODES, 24, 100)
 GRID_SIZES = (3, 5, 7, 9, 15)
 _LARGE_POPULATION = 24
-"""Genomes for the other grid sizes, whose larger bodies take longer."""
+"""Number of genomes for each grid size; larger bodies take longer."""
 
 
 def measure(repeats: int) -> dict[str, Any]:
-    """All figures: environment steps per second by the value of each quantity, and GB."""
+    """Measure environment steps per second by the value of each quantity, and memory in GB."""
     genomes = nearly_full_genomes(TASK, max(POPULATIONS))
     paper = genomes[:POPULATION]
 
-    def speed(chosen: Any = paper, **options: Any) -> float:
-        return rollout_speed("batched", TASK, chosen, repeats=repeats, **options)
+    def speed(
+        genomes: NDArray[np.float32] = paper,
+        workers: int | None = None,
+        episodes: int = EPISODES,
+        grid_size: int = 5,
+    ) -> float:
+        engine, task = EngineSettings("batched", workers), TaskSettings(TASK, grid_size)
+        return rollout_speed(engine, task, genomes, episodes=episodes, repeats=repeats)
 
     return {
         "threads": {n: speed(workers=n) for n in range(1, available_cores() + 1)},
@@ -46,13 +57,14 @@ def measure(repeats: int) -> dict[str, Any]:
 
 
 def _evaluate_paper_generation() -> None:
-    rollout_speed("batched", TASK, nearly_full_genomes(TASK), repeats=1)
+    genomes = nearly_full_genomes(TASK)
+    rollout_speed(EngineSettings("batched"), TaskSettings(TASK), genomes, repeats=1)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(peak / (1e9 if sys.platform == "darwin" else 1e6))
 
 
 def _peak_memory_gb() -> float:
-    """Of a process of its own, in 10^9 bytes; kernels come compiled from disk."""
+    """Measure the peak memory of a new process, in 10^9 bytes; kernels come compiled from disk."""
     command = "from benchmarks.scaling import _evaluate_paper_generation as f; f()"
     done = subprocess.run([sys.executable, "-c", command], capture_output=True, check=True)
     return float(done.stdout)

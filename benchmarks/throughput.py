@@ -1,7 +1,7 @@
 """Environment steps per second of every engine and task: ``python -m benchmarks.throughput``.
 
-The workload is the paper's generation: 112 genomes with nearly full 5 x 5 bodies, 12 runs of 100
-steps, NCA and contacts included; for ``vector``, 4,096 environments stepped through
+The workload is the paper's generation: 112 genomes with nearly full 5 x 5 bodies, 12 episodes of
+100 steps, NCA and contacts included; for ``vector``, 4,096 environments stepped through
 ``gymnasium.make_vec`` with random actions, including their automatic resets. Engines take turns
 within each task, so that ratios hold on a noisy machine. ``--json`` prints one object:
 ``{engine: {task: env_steps_per_s}, "vector": {task: ...}, "gemm_gflops": ...}``.
@@ -28,21 +28,22 @@ from benchmarks.workload import (
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.base import ENGINES
+from ncrs.runs.settings import EngineSettings
 from ncrs_envs.cores import available_cores
-from ncrs_envs.tasks import TASKS
+from ncrs_envs.tasks import TASKS, TaskSettings
 
 AUTHORS_STEPS_PER_S_AND_CORE = 140
-"""The published implementation on the machine where this was written."""
+"""Speed of the published implementation on the machine where this was written."""
 _BOX2D_GENOMES = 12
 _VECTOR_ENVS = 4096
 _VECTOR_STEPS = 250
-"""Two and a half episodes, so that resets count."""
+"""Number of steps: two and a half episodes, so that resets count."""
 
 
 def vector_speed(
     task: str, repeats: int, envs: int = _VECTOR_ENVS, steps: int = _VECTOR_STEPS
 ) -> float:
-    """Environment steps per second of ``make_vec`` with fixed random actions, median."""
+    """Measure environment steps per second of ``make_vec`` with fixed random actions: median."""
     vector = gymnasium.make_vec(TASKS[task].env_id, num_envs=envs)
     vector.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-1, 1, vector.action_space.shape)
@@ -60,7 +61,7 @@ def vector_speed(
 
 
 def measure(repeats: int) -> dict[str, Any]:
-    """All figures."""
+    """Measure all figures."""
     result: dict[str, Any] = {engine: {} for engine in sorted(ENGINES)}
     result["vector"] = {}
     result["gemm_gflops"] = gemm_gflops()
@@ -68,7 +69,9 @@ def measure(repeats: int) -> dict[str, Any]:
         genomes = nearly_full_genomes(task)
         for engine in sorted(ENGINES):
             chosen = genomes[:_BOX2D_GENOMES] if engine == "box2d" else genomes
-            result[engine][task] = rollout_speed(engine, task, chosen, repeats=repeats)
+            result[engine][task] = rollout_speed(
+                EngineSettings(engine), TaskSettings(task), chosen, repeats=repeats
+            )
         result["vector"][task] = vector_speed(task, repeats)
     return result
 

@@ -1,4 +1,4 @@
-"""The work that is timed: genomes that grow nearly full bodies, and how to time them."""
+"""Workloads to time: genomes that grow nearly full bodies, and clocks for them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from ncrs.automaton.channels import HIDDEN_UNITS, STEPS_PER_ACTION, nca_layout
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.base import make_engine
+from ncrs.runs.settings import EngineSettings
 from ncrs_envs.scenario import sample_scenarios
 from ncrs_envs.tasks import TASKS, TaskSettings
 
 POPULATION = 112
 EPISODES = 12
 _SIGMA = 0.1
-_LEAST_FULL = 0.88
-"""Fraction of the cells that a nearly full body occupies: 22 of 25."""
+_MIN_OCCUPIED = 0.88
+"""Minimum fraction of the cells that a nearly full body occupies: 22 of 25."""
 _BATCH = 512
 _MAX_DRAWS = 200
 
@@ -28,10 +29,10 @@ _MAX_DRAWS = 200
 def nearly_full_genomes(
     task: str, count: int = POPULATION, grid_size: int = 5, seed: int = 0
 ) -> NDArray[np.float32]:
-    """Random genomes whose bodies are valid and nearly full, shape ``(count, N)``.
+    """Draw genomes whose bodies are valid and nearly full, ``(count, N)``.
 
     Raises:
-        RuntimeError: too few in a reasonable number of draws.
+        RuntimeError: If a reasonable number of draws has too few.
     """
     layout = nca_layout(task)
     rng = np.random.default_rng(seed)
@@ -39,34 +40,31 @@ def nearly_full_genomes(
     for _ in range(_MAX_DRAWS):
         drawn = rng.normal(0.0, _SIGMA, (_BATCH, layout.num_parameters)).astype(np.float32)
         bodies = grow(NCAPopulation(drawn, task), grid_size)
-        full = (bodies != 0).mean(axis=(1, 2)) >= _LEAST_FULL
+        full = (bodies != 0).mean(axis=(1, 2)) >= _MIN_OCCUPIED
         found += list(drawn[full & TASKS[task].is_valid(bodies)])
         if len(found) >= count:
             return np.stack(found[:count])
-    raise RuntimeError(f"only {len(found)} of {count} nearly full {task} bodies were found")
+    raise RuntimeError(f"Only {len(found)} of {count} nearly full {task} bodies were found.")
 
 
 def rollout_speed(
-    engine: str,
-    task: str,
+    engine: EngineSettings,
+    task: TaskSettings,
     genomes: NDArray[np.float32],
     *,
     episodes: int = EPISODES,
-    grid_size: int = 5,
-    workers: int | None = None,
     repeats: int = 5,
 ) -> float:
-    """Environment steps per second of whole evaluations, NCA included: median of the repeats."""
-    settings = TaskSettings(task, grid_size)
-    scenarios = sample_scenarios(task, 1, episodes, grid_size)
-    with make_engine(engine, settings, workers) as running:
+    """Measure environment steps per second of whole evaluations, NCA included: median."""
+    scenarios = sample_scenarios(task.task, 1, episodes, task.grid_size)
+    with make_engine(engine.name, task, engine.workers) as running:
         steps = running.evaluate(genomes, scenarios).env_steps  # compiles, starts workers
         seconds = median_seconds(lambda: running.evaluate(genomes, scenarios), repeats)
     return steps / seconds
 
 
 def median_seconds(work: Callable[[], Any], repeats: int) -> float:
-    """Median wall-clock time of a call."""
+    """Measure the wall-clock time of a call in seconds: median."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
@@ -76,9 +74,9 @@ def median_seconds(work: Callable[[], Any], repeats: int) -> float:
 
 
 def nca_flops_per_step(bodies: NDArray[np.int8], task: str) -> float:
-    """Floating-point operations of the NCA in one environment step, averaged over bodies.
+    """Count the NCA's floating-point operations in one environment step, averaged over bodies.
 
-    Counts what cannot be saved: occupied neighbours only, and only the channels that change.
+    Only necessary ones count: those of occupied neighbours, and of channels that change.
     """
     occupied = np.pad(bodies != 0, ((0, 0), (1, 1), (1, 1)))
     n = bodies.shape[-1]
@@ -95,7 +93,7 @@ def nca_flops_per_step(bodies: NDArray[np.int8], task: str) -> float:
 
 
 def gemm_gflops(size: int = 2048, repeats: int = 5) -> float:
-    """Speed of a large float32 matrix product on all cores: the processor's practical peak."""
+    """Measure a large float32 matrix product on all cores: the processor's practical peak."""
     rng = np.random.default_rng(0)
     a, b = (rng.random((size, size), dtype=np.float32) for _ in range(2))
     a @ b

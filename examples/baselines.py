@@ -1,11 +1,11 @@
-"""How far simple controllers get through ``gymnasium.make``: ``python examples/baselines.py``.
+"""Baselines by simple controllers, through ``gymnasium.make``: ``python examples/baselines.py``.
 
 Controllers on hand-made bodies, 100 episodes each on Box2D: random actions, full throttle, and a
 Braitenberg vehicle, which slows down the wheels on the side of the sensor that sees more light. In
 CarryBall it chases the ball; another controller does so until the ball lies between the prongs at
-the robot's front, and then steers by the target. In Obstacle the narrow body that evolution found,
-an arrow, is driven at full throttle: the walls guide it to the passage, and it gets further than
-the vehicle that steers. A robot that stands still earns 0.427 in LightChase.
+the robot's front, and then steers by the target. In Obstacle a narrow body that evolution found, an
+arrow, is driven at full throttle: the walls guide it to the passage, and it succeeds more often
+than the vehicle that steers. A robot that stands still earns 0.427 in LightChase.
 """
 
 from __future__ import annotations
@@ -34,29 +34,29 @@ ARROW = ["..W..", "..L..", "..W..", "..W..", ".WWW."]
 GAIN = {"light_chase": 80.0, "obstacle": 320.0, "carry_ball": 120.0}
 CARRYING_GAIN = 40.0
 CAUGHT = 0.82
-"""What the ball sensors see, on average, of a ball between the prongs."""
+"""Mean value of the outermost ball sensors when the ball lies between the prongs."""
 
 
 def random_actions(seed: int) -> Controller:
-    """Every wheel at random in every step."""
+    """Drive every wheel at random in every step."""
     rng = np.random.default_rng(seed)
     return lambda observation: rng.uniform(-1, 1, observation.shape).astype(np.float32)
 
 
 def full_throttle(observation: Grid) -> Grid:
-    """All wheels forward."""
+    """Drive all wheels forward."""
     return np.ones_like(observation)
 
 
 def outermost(body: NDArray[np.int8], kind: ncrs_envs.Cell) -> tuple[Cell, Cell]:
-    """The leftmost and the rightmost sensor of a kind."""
+    """Find the leftmost and the rightmost sensor of a kind."""
     sensors = np.argwhere(body == kind)
     left, right = sensors[sensors[:, 1].argmin()], sensors[sensors[:, 1].argmax()]
     return (int(left[0]), int(left[1])), (int(right[0]), int(right[1]))
 
 
 def throttle(shape: tuple[int, ...], turn: float) -> Grid:
-    """Full speed, less on the side to turn to; positive turns are clockwise."""
+    """Drive at full speed, slower on the side to turn to; positive turns are clockwise."""
     columns = np.arange(shape[1]) - (shape[1] - 1) / 2
     side = np.broadcast_to(np.sign(columns), shape)
     return np.clip(1.0 - side * turn, -1.0, 1.0).astype(np.float32)
@@ -73,7 +73,7 @@ def braitenberg(body: NDArray[np.int8], gain: float) -> Controller:
 
 
 def catch_and_carry(body: NDArray[np.int8], gain: float) -> Controller:
-    """Steer by the ball, and once that is near by the target."""
+    """Steer by the ball and, once that is near, by the target."""
     left, right = outermost(body, ncrs_envs.Cell.LIGHT_SENSOR)
     target_left, target_right = outermost(body, ncrs_envs.Cell.TARGET_SENSOR)
 
@@ -90,13 +90,13 @@ def catch_and_carry(body: NDArray[np.int8], gain: float) -> Controller:
 def run(
     task: str, controller: Controller, episodes: int, body: list[str] | None = None
 ) -> tuple[float, int]:
-    """Mean reward per step, and the number of episodes that succeeded.
+    """Run episodes; returns the mean reward per step, and the number of successful episodes.
 
     Args:
-        task: its name.
-        controller: called with each observation.
-        episodes: how many, in the four regions in turn.
-        body: rows of cells; without it the task's own of ``BODIES``.
+        task: Name of the task.
+        controller: Function from each observation to an action.
+        episodes: Number of episodes; the four regions take turns.
+        body: Rows of cells; None for the task's body in ``BODIES``.
     """
     env = gymnasium.make(ncrs_envs.TASKS[task].env_id, body=body or BODIES[task])
     rewards, successes = [], 0
@@ -129,8 +129,8 @@ def main() -> None:
             controllers["catch and carry"] = (catch_and_carry(body, GAIN[task]), rows)
         for name, (controller, own_body) in controllers.items():
             fitness, successes = run(task, controller, episodes, own_body)
-            share, low, high = Proportion.of(successes, episodes).percentages()
-            print(f"{task:<14}{name:<16}{fitness:>8.4f}{share:>9}  {low} to {high}")
+            success, low, high = Proportion.of(successes, episodes).percentages()
+            print(f"{task:<14}{name:<16}{fitness:>8.4f}{success:>9}  {low} to {high}")
 
 
 if __name__ == "__main__":

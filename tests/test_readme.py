@@ -1,4 +1,4 @@
-"""What the documents show works: Python blocks, command lines, names, paths and links."""
+"""The documents work: their Python blocks, command lines, names, paths and links."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _command_lines(document: Path) -> list[str]:
 
 
 def _call(command: list[str], folder: Path, code: str | None = None) -> str:
-    """What a command prints; it must succeed."""
+    """Output of a command, which must succeed."""
     done = subprocess.run(command, cwd=folder, input=code, capture_output=True, text=True)
     assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
     return done.stdout
@@ -191,7 +191,7 @@ def test_names_paths_and_links_exist(document):
 
 
 def _resolves(name: str) -> bool:
-    """Whether a dotted name is a module, or an attribute of one."""
+    """True if a dotted name is a module, or an attribute of one."""
     module, _, attribute = name.rpartition(".")
     try:
         importlib.import_module(name)

@@ -1,4 +1,4 @@
-"""Build a report: record the robots, and write the page with its data into a folder."""
+"""Building of a report: robots are recorded, page and data written into a folder."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ OVERVIEW_FILE = f"{DATA_FOLDER}/overview.js"
 ALL, CHAMPION = "all", "champion"
 """Choices of robots to record."""
 CHUNK = 20
-"""Robots in one data file: few enough to load at a click, enough to keep the files few."""
+"""Number of robots in a data file: few enough to load at a click, enough to keep files few."""
 _BATCH = 12 * CHUNK
-"""Robots recorded at once."""
+"""Number of robots recorded at once."""
 _PAGE_PARTS = ("report.css",)
 _SCRIPTS = (
     "data.js",
@@ -55,13 +55,13 @@ class ReportOptions:
     """Options of a report.
 
     Raises:
-        ReportError: ``elites`` is neither "all" nor "champion".
+        ReportError: If ``elites`` is neither "all" nor "champion".
     """
 
     episodes: int = 2
-    """Number of fresh episodes for every robot, in the same scenarios for all."""
+    """Number of fresh episodes of every robot, in the same scenarios for all."""
     elites: str = ALL
-    """"all" records every robot, "champion" the champion alone."""
+    """Robots to record: "all", or "champion" for the champion alone."""
     seed: int = 0
     """Seed for sampling the scenarios."""
 
@@ -72,15 +72,16 @@ class ReportOptions:
 
 @dataclass(frozen=True)
 class Report:
-    """A report that was written."""
+    """A written report."""
 
     page: Path
     """The file to open."""
     robots: int
+    """Number of robots."""
     recorded: int
-    """Robots with growth and episodes."""
+    """Number of robots with growth and episodes."""
     size: int
-    """Bytes of all files."""
+    """Size of all files in bytes."""
 
 
 def build_report(
@@ -96,14 +97,14 @@ def build_report(
         run_dir: Folder of the run.
         folder: Folder of the page; by default ``report`` in the run's folder.
         options: Robots and episodes to record; None for the defaults.
-        progress: Called with the number of robots recorded so far, and of all to record.
+        progress: Function to call with the number of robots recorded so far, and in all.
 
     Raises:
-        ConfigError: the folder holds no run, or neither an archive nor a champion.
-        ReportError: there is no robot to show; or ``folder`` holds something else than a report.
-        ScenarioError: the number of episodes is not a positive integer.
-        SeedError: the seed is not a non-negative integer.
-        CheckpointError: a file of the run is damaged.
+        ConfigError: If the folder holds no run, or neither an archive nor a champion.
+        ReportError: If there is no robot to show, or ``folder`` holds anything but a report.
+        ScenarioError: If the number of episodes is not a positive integer.
+        SeedError: If the seed is not a non-negative integer.
+        CheckpointError: If a file of the run is damaged.
     """
     run_dir = Path(run_dir)
     options = ReportOptions() if options is None else options
@@ -154,23 +155,23 @@ def build_report(
 
 
 def _check_target(target: Path) -> None:
-    """Nothing but a report, or an empty folder, is written over."""
+    """Refuse to replace anything but a report or an empty folder."""
     if target.is_dir() and (not any(target.iterdir()) or (target / OVERVIEW_FILE).is_file()):
         return
     if target.exists():
         raise ReportError(
-            f"{target} exists and is no report; give another folder, or remove it first."
+            f"{target} exists and is not a report; give another folder, or remove it first."
         )
 
 
 def _limits(settings: TaskSettings) -> dict[str, float]:
-    """Maximum magnitudes of what is rounded to integers; see ``quantize``."""
+    """Return the maximum magnitudes of the values that ``quantize`` rounds to integers."""
     reach = WALL_EXTENT * playfield(settings.grid_size) + MAX_TRANSLATION * MAX_EPISODE_STEPS
     return {"position": reach, "angle": float(np.pi), "state": STATE_LIMIT, "unit": 1.0}
 
 
 def _write_page(folder: Path, values: dict[str, Any]) -> None:
-    """The page, its style and its scripts."""
+    """Write the page, its style and its scripts."""
     try:
         from jinja2 import Environment, StrictUndefined
     except ImportError as error:
@@ -210,7 +211,7 @@ def _write_robots(
 def _record(
     robots: Robots, rows: slice, scenarios: Sequence[Scenario], settings: TaskSettings
 ) -> list[dict[str, Any]]:
-    """Growth, channels and episodes of some robots, as the page reads them."""
+    """Record growth, channels and episodes of some robots, in the form that the page reads."""
     from ncrs.report.episodes import record_episodes
 
     limits = _limits(settings)

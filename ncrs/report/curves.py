@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ncrs.runs.metrics import GENERATION, METRICS_FILE, read_metrics
 
-MOST_POINTS = 400
-"""Points of a curve that are drawn."""
+MAX_POINTS = 400
+"""Maximum number of points that are drawn of a curve."""
 
 
 @dataclass(frozen=True)
@@ -20,23 +20,23 @@ class Curve:
     """Values of one metric."""
 
     generations: NDArray[np.int64]
-    """Ascending, ``(G,)``."""
+    """Generations, ascending, ``(G,)``."""
     values: NDArray[np.float64]
-    """Finite, ``(G,)``."""
+    """Values, finite, ``(G,)``."""
 
-    def thinned(self, most: int = MOST_POINTS) -> Curve:
-        """At most ``most`` points, evenly spaced, the first and the last among them."""
-        if len(self.values) <= most:
+    def thinned(self, max_points: int = MAX_POINTS) -> Curve:
+        """Keep at most ``max_points`` points, evenly spaced, with the first and the last."""
+        if len(self.values) <= max_points:
             return self
-        kept = np.linspace(0, len(self.values) - 1, most).round().astype(int)
+        kept = np.linspace(0, len(self.values) - 1, max_points).round().astype(int)
         return Curve(self.generations[kept], self.values[kept])
 
 
 def load_curves(run_dir: Path) -> dict[str, Curve]:
-    """All scalar curves of a run by TensorBoard's tags; none if nothing was logged.
+    """Load all curves of a run by TensorBoard's tags; none if nothing was logged.
 
     Raises:
-        ConfigError: a table of metrics that cannot be read.
+        ConfigError: If the table of metrics cannot be read.
     """
     if not (run_dir / METRICS_FILE).is_file():
         return {}
@@ -49,7 +49,7 @@ def load_curves(run_dir: Path) -> dict[str, Curve]:
 
 
 def _curve(points: Mapping[int, float]) -> Curve:
-    """Points by generation, whose values may be NaN; of a generation done twice the last counts."""
+    """Make a curve of the values by generation that are finite."""
     kept = sorted((generation, value) for generation, value in points.items() if np.isfinite(value))
     return Curve(
         np.array([generation for generation, _ in kept], dtype=np.int64),

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 RECEIVER = "NCRSReport.receive"
-"""The page's function that data files hand their content to."""
+"""Name of the page's function that data files hand their content to."""
 
 
 def pack(array: NDArray[Any]) -> str:
-    """An array's values in C order, little-endian, as base64."""
+    """Encode an array's values in C order, little-endian, as base64."""
     little = array.astype(array.dtype.newbyteorder("<"), copy=False)
     return base64.b64encode(np.ascontiguousarray(little).tobytes()).decode("ascii")
 
@@ -26,7 +26,7 @@ def quantize(values: NDArray[np.floating], limit: float, dtype: DTypeLike) -> ND
     Values beyond the limit become the limit. The page multiplies by ``limit / maximum integer``.
 
     Raises:
-        ValueError: a value that is not finite.
+        ValueError: If a value is not finite.
     """
     if not np.isfinite(values).all():
         raise ValueError(

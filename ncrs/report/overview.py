@@ -1,4 +1,4 @@
-"""A report's summary of the run as a whole, and the table of its robots."""
+"""A report's summary of the run, and the table of its robots."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ CHARTS: Sequence[tuple[str, Mapping[str, str]]] = (
         {"archive/filled_fraction": "triples filled", "archive/qd_score": "QD score"},
     ),
 )
-"""Title of each chart, and its curves' names by tag."""
+"""Title of each chart, and the names of its curves by tag."""
 
 _COLORS: Mapping[str, canvas.Color] = {
     "amber": canvas.AMBER,
@@ -58,8 +58,8 @@ _COLORS: Mapping[str, canvas.Color] = {
     "sensor_base": canvas.SENSOR_BASE,
     "wheel_base": canvas.WHEEL_BASE,
 }
-_UNIT_POINT = 2
-"""Decimals of placements, in units."""
+_PLACEMENT_DECIMALS = 2
+"""Number of decimals that are kept of placements, in units."""
 
 
 def _last(curves: Mapping[str, Curve], tag: str) -> float | None:
@@ -68,7 +68,7 @@ def _last(curves: Mapping[str, Curve], tag: str) -> float | None:
 
 
 def facts(config: TrainConfig, robots: Robots, curves: Mapping[str, Curve]) -> dict[str, str]:
-    """The run in a few lines, as names and values."""
+    """Summarise the run in a few lines, as names and values."""
     task = robots.task.task
     lines = {"Task": task.title, "Optimizer": config.optimizer.name, "Seed": str(config.seed)}
     generations = curves.get("fitness/best")
@@ -89,13 +89,13 @@ def facts(config: TrainConfig, robots: Robots, curves: Mapping[str, Curve]) -> d
             f"({statistics['filled_fraction']:.1%})",
             "QD score": f"{statistics['qd_score']:.4f}",
             "Best elite": f"{statistics['best']:.4f}",
-            "Elites that succeed in half of their episodes": f"{statistics['succeed']:,.0f}",
+            "Elites that succeed in at least half their episodes": f"{statistics['succeed']:,.0f}",
         }
     return lines
 
 
 def setting_lines(values: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """Settings by dotted name, those that are not null."""
+    """List the settings that are not null, by dotted name."""
     lines: dict[str, str] = {}
     for name, value in values.items():
         if isinstance(value, Mapping):
@@ -106,7 +106,7 @@ def setting_lines(values: Mapping[str, Any], prefix: str = "") -> dict[str, str]
 
 
 def charts(curves: Mapping[str, Curve]) -> list[dict[str, Any]]:
-    """Those of ``CHARTS`` that there is something to draw of."""
+    """Collect the ``CHARTS`` for which there are curves."""
     drawn = []
     for title, names in CHARTS:
         lines = [
@@ -124,7 +124,7 @@ def charts(curves: Mapping[str, Curve]) -> list[dict[str, Any]]:
 
 
 def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, Any]:
-    """Constants and placements that the page needs to draw episodes."""
+    """Collect the constants and placements that the page needs to draw episodes."""
     task = settings.task
     return {
         "task": task.name,
@@ -159,7 +159,7 @@ def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, An
 
 
 def _placements(scenario: Scenario, grid_size: int) -> dict[str, Any]:
-    quads = np.round(wall_quads(scenario, grid_size), _UNIT_POINT).tolist()
+    quads = np.round(wall_quads(scenario, grid_size), _PLACEMENT_DECIMALS).tolist()
     return {
         "light": scenario.light,
         "target": scenario.target,
@@ -169,7 +169,7 @@ def _placements(scenario: Scenario, grid_size: int) -> dict[str, Any]:
 
 
 def robot_table(robots: Robots) -> dict[str, Any]:
-    """Numbers and bodies of all robots, as they are, one list for each column."""
+    """Tabulate numbers and bodies of all robots, unrounded, one list for each column."""
     space = robots.archive.space
     return {
         "elites": robots.elites,

@@ -18,7 +18,7 @@ from ncrs_envs.tasks import TaskSettings
 
 
 class ReportError(NCRSError, ValueError):
-    """A report that cannot be made, or not where it was asked for."""
+    """A report that cannot be made, or not in that folder."""
 
 
 @dataclass(frozen=True)
@@ -31,18 +31,18 @@ class Robots:
 
     task: TaskSettings
     archive: Archive
-    """Empty for runs without elites."""
+    """Archive of the run; empty if it has no elites."""
     elite_episodes: int
-    """Scenarios behind an elite's fitness; 0 without an archive."""
+    """Number of episodes behind an elite's fitness; 0 without an archive."""
     champion: Champion | None
     genomes: NDArray[np.float32]
-    """Shape ``(R, N)``."""
+    """Genomes, ``(R, N)``."""
     bodies: NDArray[np.int8]
-    """Cell codes, ``(R, n, n)``."""
+    """Cell codes of the bodies, ``(R, n, n)``."""
     measures: NDArray[np.int64]
-    """Sensors, wheels, cells; ``(R, 3)``."""
+    """Numbers of sensors, wheels and cells, ``(R, 3)``."""
     fitness: NDArray[np.float64]
-    """Shape ``(R,)``; so are the next two."""
+    """Fitness, ``(R,)``; the next two have the same shape."""
     success: NDArray[np.float64]
     generations: NDArray[np.int64]
 
@@ -51,7 +51,7 @@ class Robots:
 
     @property
     def elites(self) -> int:
-        """Number of robots that are the archive's."""
+        """Number of elites among the robots."""
         return len(self.archive)
 
 
@@ -59,9 +59,9 @@ def load_robots(run_dir: Path) -> Robots:
     """Load a run's archive and champion.
 
     Raises:
-        ConfigError: the folder holds neither.
-        ReportError: both are there, but no robot in them; or they are of different tasks.
-        CheckpointError: a file is damaged.
+        ConfigError: If the folder holds neither.
+        ReportError: If they hold no robot, or are of different tasks.
+        CheckpointError: If a file is damaged.
     """
     archive, champion = find_archive(run_dir), find_champion(run_dir)
     if archive is None and champion is None:
@@ -81,7 +81,11 @@ def load_robots(run_dir: Path) -> Robots:
 
 
 def gather_robots(archive: EliteArchive | None, champion: Champion | None) -> Robots:
-    """Put the elites and the champion into one table; at least one of the two must be given."""
+    """Put the elites and the champion into one table.
+
+    Raises:
+        ReportError: If neither is given.
+    """
     task = archive.task if archive is not None else _task_of(champion)
     elites = make_archive(task) if archive is None else archive.archive
     columns: dict[str, NDArray[Any]] = {

@@ -15,9 +15,9 @@ class ArchiveGrid:
     cells: NDArray[np.int64]
     """Number of cells of each panel, ascending, ``(panels,)``."""
     values: NDArray[np.float64]
-    """``(panels, sensors, wheels)``, counted from 0; NaN without an elite."""
+    """Values, ``(panels, sensors, wheels)``, indexed by the counts; NaN without an elite."""
     possible: NDArray[np.bool_]
-    """True where a body can have these measures, same shape."""
+    """True where a body can have these measures; same shape."""
 
 
 def archive_grid(

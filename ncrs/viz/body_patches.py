@@ -63,7 +63,7 @@ def _marks(cell: Cell, x: float, y: float) -> list[Patch]:
 
 
 def cell_legend(cells: NDArray[np.integer], tasks: Sequence[Task]) -> list[Line2D]:
-    """Legend handles for the cell types among ``cells``, as they are called in ``tasks``."""
+    """Make legend handles for the cell types among ``cells``, named as in ``tasks``."""
     markers = {Cell.TISSUE: "s", Cell.LIGHT_SENSOR: "o", Cell.TARGET_SENSOR: "D", Cell.WHEEL: "^"}
     colors = {**_FILL, Cell.LIGHT_SENSOR: _hex(AMBER), Cell.TARGET_SENSOR: _hex(SKY)}
     handles = []
@@ -78,7 +78,7 @@ def cell_legend(cells: NDArray[np.integer], tasks: Sequence[Task]) -> list[Line2
 def add_silhouette(
     axes: Axes, body: BodyGrid, pose: tuple[float, float, float], color: str
 ) -> None:
-    """Draw where a robot stands: its cells in one colour, with a dark mark at its front."""
+    """Draw a robot's place: its cells in one colour, with a white mark at its front."""
     x, y, angle = pose
     place = Affine2D().rotate(angle).translate(x, y) + axes.transData
     half = CELL_SIZE / 2.0

@@ -35,19 +35,19 @@ def _plots(groups: Sequence[Group], options: FigureOptions) -> Iterator[Plot]:
 def save_figures(
     paths: Sequence[Path], folder: Path, options: FigureOptions | None = None
 ) -> list[Path]:
-    """Draw everything that the runs have, and write it into a folder.
+    """Draw all figures that the runs have data for, and write them into a folder.
 
     Args:
         paths: Folders of runs, or of sweeps; runs are compared by task and method.
-        folder: Folder of the figures, made if missing.
+        folder: Folder to write to, made if missing.
         options: Axis and episodes; None for the defaults.
 
     Returns:
         Paths of all files: PNG, SVG and CSV of each figure.
 
     Raises:
-        VizError: no run there, or runs with nothing to show yet.
-        ScenarioError: the number of episodes is not a positive integer.
+        VizError: If there is no run, or nothing to show yet.
+        ScenarioError: If the number of episodes is not a positive integer.
     """
     options = FigureOptions() if options is None else options
     groups = group_runs(find_runs(paths))

@@ -1,4 +1,4 @@
-"""Figures of archives: panels of sensors x wheels, and how the elites' fitness is spread."""
+"""Figures of archives: panels of sensors x wheels, and histograms of fitness."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _BINS = 30
 
 
 def archive_plot(elites: EliteArchive, name: str) -> Plot:
-    """An archive's fitness: a panel per number of cells, sensors across and wheels up.
+    """Plot an archive's fitness: a panel per number of cells, sensors across and wheels up.
 
     Gray cells are possible and empty.
     """
@@ -41,7 +41,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
     rows = math.ceil(len(grid.cells) / _COLUMNS)
     figure = Figure(figsize=(WIDTH, WIDTH / _COLUMNS * rows * 1.05))
     panels = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False)
-    largest = max(grid.values.shape[1:])
+    side = max(grid.values.shape[1:])
     for index, panel in enumerate(panels.ravel()):
         if index >= len(grid.cells):
             panel.set_axis_off()
@@ -50,10 +50,8 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
         panel.imshow(empty, cmap=ListedColormap([EMPTY_CELL]), origin="lower", vmin=0, vmax=1)
         image = panel.imshow(grid.values[index].T, cmap=colors, norm=norm, origin="lower")
         panel.set_title(f"{grid.cells[index]} cells", pad=2, fontsize=7)
-        ticks = list(range(0, largest, 10))
-        panel.set(
-            xticks=ticks, yticks=ticks, xlim=(-0.5, largest - 0.5), ylim=(-0.5, largest - 0.5)
-        )
+        ticks = list(range(0, side, 10))
+        panel.set(xticks=ticks, yticks=ticks, xlim=(-0.5, side - 0.5), ylim=(-0.5, side - 0.5))
     figure.supxlabel("sensors", fontsize=8)
     figure.supylabel("wheels", fontsize=8)
     possible = len(archive.space.triples)
@@ -68,7 +66,10 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
 
 
 def histogram_plot(groups: Sequence[Group]) -> Plot | None:
-    """Histogram of the elites' fitness: a panel per task, a line per method, mean of runs."""
+    """Plot a histogram of the elites' fitness; None if no run has elites.
+
+    One panel per task, one line per method: the mean of its runs.
+    """
     found = {
         group.name: [
             archive.archive.column("fitness")

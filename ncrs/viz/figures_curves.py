@@ -1,4 +1,4 @@
-"""Best fitness of every generation: the median of a method's seeds, with their range."""
+"""Figures of the best fitness by generation: median and range of a method's seeds."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _BEST = "fitness/best"
 
 
 def fitness_curves(group: Group, axis: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Curves of a group's runs over what all of them have done.
+    """Read the best fitness of a group's runs, as far as all of them have come.
 
     Returns:
-        ``(T,)`` values of the axis, and ``(runs, T)`` best fitness; no runs if none has a table.
+        Values of the axis, ``(T,)``, and best fitness, ``(runs, T)``; no runs if none has a table.
     """
     tables = [table for table in (run.metrics() for run in group.runs) if table is not None]
     if not tables:
@@ -30,11 +30,13 @@ def fitness_curves(group: Group, axis: str) -> tuple[NDArray[np.float64], NDArra
 
 
 def fitness_plot(groups: Sequence[Group], axis: str) -> Plot | None:
-    """One panel per task, one line per method; None if no run has a table of its curves.
+    """Plot best fitness; None if no run has a table of its curves.
+
+    One panel per task, one line per method.
 
     Args:
         groups: Groups to compare.
-        axis: One of ``AXES``: "evaluations" is fair where methods' populations differ.
+        axis: One of ``AXES``; "evaluations" is fair if the methods' populations differ.
     """
     curves = {group.name: fitness_curves(group, axis) for group in groups}
     shown = [group for group in groups if len(curves[group.name][1])]

@@ -26,7 +26,10 @@ _MOMENTS = ("seed", "end of growth", "end of control")
 
 
 def designs_plot(groups: Sequence[Group]) -> Plot | None:
-    """The fittest champion of every group, tasks down and methods across; None without any."""
+    """Draw the fittest champion of every group; None if there is none.
+
+    Tasks down, methods across.
+    """
     best = {(group.task, group.method): group.champions()[:1] for group in groups}
     shown = [group for group in groups if best[group.task, group.method]]
     if not shown:
@@ -64,7 +67,7 @@ def designs_plot(groups: Sequence[Group]) -> Plot | None:
 
 
 def channels_plot(robot: EvolvedRobot, name: str, seed: int) -> Plot:
-    """All NCA channels at the seed, at the end of growth, and at the end of one episode."""
+    """Draw all NCA channels at the seed, at the end of growth, and at the end of one episode."""
     growth = robot.growth()
     control = record_episodes(robot, 1, seed)[0].states[-1]
     states = np.stack([growth.states[0], growth.states[-1], control])
@@ -96,7 +99,7 @@ def channels_plot(robot: EvolvedRobot, name: str, seed: int) -> Plot:
 
 
 def positions_plot(robot: EvolvedRobot, name: str, episodes: int, seed: int) -> Plot:
-    """Positions at the end of several episodes, the paths there, and the goals."""
+    """Draw positions at the end of several episodes, the paths there, and the goals."""
     recordings = record_episodes(robot, episodes, seed)
     figure = Figure(figsize=(COLUMN, COLUMN + 0.45))
     panel = figure.subplots()

@@ -1,4 +1,4 @@
-"""Writing frames to MP4 and GIF, one after the other, without keeping the film in memory."""
+"""Writers of MP4 and GIF files, to which frames are given one by one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _GIF_COLORS = 160
 
 
 class FilmWriter(ABC):
-    """Writes one film; nothing lies at its path before it is whole."""
+    """Writer of one film; its file appears only when it is complete."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -43,7 +43,7 @@ class FilmWriter(ABC):
 
 
 class Mp4Writer(FilmWriter):
-    """H.264 in the pixel format that every browser and player reads."""
+    """Writer of H.264 video in the pixel format that every browser and player reads."""
 
     def __init__(self, path: Path, size: tuple[int, int], fps: float) -> None:
         super().__init__(path)
@@ -69,8 +69,8 @@ class Mp4Writer(FilmWriter):
                 self._pipe.send(data)
         except OSError as error:
             raise VizError(
-                f"The video encoder stopped writing {self._path}; is there space, and may you "
-                "write there?"
+                f"The video encoder stopped writing {self._path}: check free space and permissions "
+                "of its folder."
             ) from error
 
     def _finish(self) -> None:
@@ -78,7 +78,7 @@ class Mp4Writer(FilmWriter):
 
 
 class GifWriter(FilmWriter):
-    """A smaller film at half the rate, for pages that show no video."""
+    """Writer of a smaller film at half the rate, for pages that show no video."""
 
     def __init__(self, path: Path, size: tuple[int, int], fps: float) -> None:
         super().__init__(path)
@@ -89,7 +89,7 @@ class GifWriter(FilmWriter):
         self._durations: list[int] = []
 
     def add(self, frame: NDArray[np.uint8], copies: int) -> None:
-        """Keep the frame if it is time for a new one, else show the last one longer."""
+        """Keep the frame if one is due, else show the last one longer."""
         milliseconds = copies * 1000.0 / self._fps
         if self._images and self._durations[-1] < 1000.0 / _GIF_FPS:
             self._durations[-1] += round(milliseconds)
@@ -111,7 +111,11 @@ class GifWriter(FilmWriter):
 
 
 def check_encoder() -> None:
-    """Raise ``VizError`` unless there is an encoder for MP4."""
+    """Check that there is an encoder for MP4.
+
+    Raises:
+        VizError: If there is none.
+    """
     try:
         import imageio_ffmpeg
 
@@ -124,20 +128,20 @@ def check_encoder() -> None:
 
 
 def open_writers(paths: Sequence[Path], size: tuple[int, int], fps: float) -> list[FilmWriter]:
-    """A writer for each path, by its suffix.
+    """Open a writer for each path, by its suffix.
 
     Args:
-        paths: ``.mp4`` and ``.gif`` files.
-        size: width and height of the frames.
-        fps: frames per second.
+        paths: Files to write, ``.mp4`` or ``.gif``.
+        size: Width and height of the frames in pixels.
+        fps: Frames per second.
 
     Raises:
-        VizError: another suffix, a folder that does not exist, or no video encoder.
+        VizError: If a suffix is unknown, a folder does not exist, or there is no video encoder.
     """
     kinds: dict[str, Any] = {".mp4": Mp4Writer, ".gif": GifWriter}
     for path in paths:
         if path.suffix not in kinds:
-            raise VizError(f"A film is {' or '.join(kinds)}, not {path.suffix or path.name}.")
+            raise VizError(f"A film must be {' or '.join(kinds)}, got {path.suffix or path.name}.")
         if not path.parent.is_dir():
             raise VizError(f"Cannot write {path}: there is no folder {path.parent}.")
     if any(path.suffix == ".mp4" for path in paths):

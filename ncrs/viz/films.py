@@ -1,4 +1,4 @@
-"""Films: a robot grows, then drives; beside it what it senses, does and computes."""
+"""Films of a robot that grows and then drives, its sensors, wheels and channels beside it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _GROWTH_SECONDS = 0.4
 _PAUSE_SECONDS = 1.0
 _CHANNEL_COLUMNS = 5
 _CHANNEL_LIMIT = 2.0
-"""Channel values from which on colours no longer change; few go farther."""
+"""Magnitude of a channel's values above which colours no longer change; few exceed it."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class FilmSize:
 
     @classmethod
     def of(cls, options: FilmOptions) -> FilmSize:
-        """The layout of a film."""
+        """Lay out the frames of a film."""
         return cls(options.height // 2 * 2)
 
     @property
@@ -46,22 +46,22 @@ class FilmSize:
 
     @property
     def width(self) -> int:
-        """Of the whole."""
+        """Width of a frame."""
         return self.height + self.side
 
     @property
     def closeup(self) -> int:
-        """Side of the robot enlarged."""
+        """Side of the enlarged robot."""
         return round(0.65 * self.side)
 
     @property
     def text(self) -> int:
-        """Size of the letters."""
+        """Size of the text."""
         return max(10, self.height // 34)
 
 
 def growth_frames(robot: EvolvedRobot, size: FilmSize) -> Iterator[Picture]:
-    """One frame for every state, the seed first."""
+    """Draw a frame for every state of growth, the seed first."""
     growth = robot.growth()
     last = len(growth.states) - 1
     for step, (state, body) in enumerate(zip(growth.states, growth.bodies, strict=True)):
@@ -73,7 +73,7 @@ def growth_frames(robot: EvolvedRobot, size: FilmSize) -> Iterator[Picture]:
 def episode_frames(
     recording: Recording, heading: list[str], number: int, episodes: int, size: FilmSize
 ) -> Iterator[Picture]:
-    """One frame for every step, the start first."""
+    """Draw a frame for every step of an episode, the start first."""
     for step, (scene, state) in enumerate(zip(recording.scenes, recording.states, strict=True)):
         earned = float(recording.rewards[:step].mean()) if step else 0.0
         lines = [
@@ -104,7 +104,7 @@ def _levels(name: str, values: NDArray[np.floating]) -> str:
 def _panel(
     size: FilmSize, lines: list[str], robot: Picture | None, state: NDArray[np.float32]
 ) -> Picture:
-    """Text above, the robot enlarged, and the NCA's channels below."""
+    """Draw the panel: text, the enlarged robot, and the NCA's channels below."""
     panel = ground(size.height, size.side)
     panel[:, :2] = BORDER
     margin = size.text
@@ -122,7 +122,7 @@ def _panel(
 
 
 def channel_picture(state: NDArray[np.float32], width: int) -> Picture:
-    """All channels of a state ``(n, n, C)`` as small maps in rows, at most ``width`` wide."""
+    """Draw the channels of a state ``(n, n, C)`` as small maps in rows, at most ``width`` wide."""
     n, _, channels = state.shape
     gap = 4
     pixels = max(1, (width + gap) // _CHANNEL_COLUMNS - gap) // n
@@ -139,7 +139,7 @@ def channel_picture(state: NDArray[np.float32], width: int) -> Picture:
 
 
 def timed_frames(robot: EvolvedRobot, options: FilmOptions) -> Iterator[tuple[Picture, float]]:
-    """All frames of a film, each with the seconds that it is shown."""
+    """Draw all frames of a film, each with its duration in seconds."""
     size = FilmSize.of(options)
     for frame in growth_frames(robot, size):
         yield frame, _GROWTH_SECONDS
@@ -157,12 +157,12 @@ def save_film(robot: EvolvedRobot, paths: list[Path], options: FilmOptions | Non
 
     Args:
         robot: Robot to film.
-        paths: Files to write, by suffix ``.mp4`` or ``.gif``.
+        paths: Files to write, ``.mp4`` or ``.gif``.
         options: Episodes, speed and size; None for the defaults.
 
     Raises:
-        VizError: an unknown suffix, or no video encoder.
-        ScenarioError: the number of episodes is not a positive integer.
+        VizError: If a suffix is unknown, or there is no video encoder.
+        ScenarioError: If the number of episodes is not a positive integer.
     """
     options = FilmOptions() if options is None else options
     size = FilmSize.of(options)

@@ -1,4 +1,4 @@
-"""Options of films and figures; light to import, so that the command line has them too."""
+"""Options of films and figures; light to import, for the command line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MAX_SPEED = 4.0
 AXES: Mapping[str, str] = MappingProxyType(
     {"generation": "generation", "evaluations": "progress/evaluations"}
 )
-"""Names of the axes that fitness can be plotted over, with their columns in the metrics."""
+"""Axes that fitness can be plotted over, and their columns in the metrics."""
 
 
 @dataclass(frozen=True)
@@ -22,15 +22,15 @@ class FilmOptions:
     """Options of a film.
 
     Raises:
-        VizError: a height or speed out of range.
+        VizError: If the height or the speed is out of range.
     """
 
     episodes: int = 4
-    """Number of episodes after growth; regions of the light or ball take turns."""
+    """Number of episodes after growth; the regions of the light or ball take turns."""
     seed: int = 0
     """Seed for sampling the scenarios."""
     speed: float = 0.5
-    """Multiple of real time."""
+    """Speed as a multiple of real time."""
     height: int = 600
     """Height of the picture in pixels, which is half again as wide."""
 
@@ -50,7 +50,7 @@ class FigureOptions:
     """Options of figures.
 
     Raises:
-        VizError: an unknown axis.
+        VizError: If the axis is unknown.
     """
 
     axis: str = "generation"
@@ -58,7 +58,7 @@ class FigureOptions:
     episodes: int = 12
     """Number of episodes whose last positions are shown."""
     seed: int = 0
-    """Seed for sampling their scenarios."""
+    """Seed for sampling the scenarios."""
 
     def __post_init__(self) -> None:
         if self.axis not in AXES:

@@ -21,7 +21,7 @@ EPISODES_FILE = "episodes.gif"
 DEFAULT_SIZE = 400
 _STEPS_PER_FRAME = 2
 _FRAME_MS = 40
-"""Two steps of 20 ms: real time."""
+"""Duration of a frame: two steps of 20 ms, in real time."""
 _LAST_FRAME_MS = 1500
 _GROWTH_FRAME_MS = 200
 _COLORS = 128
@@ -37,15 +37,15 @@ def episode_frames(
 
     Args:
         robot: Robot to draw.
-        episodes: Number of episodes; regions take turns.
+        episodes: Number of episodes; the regions take turns.
         seed: Seed for sampling the scenarios.
         size: Side of a frame in pixels.
 
     Returns:
-        For each episode RGB frames, uint8 ``(size, size, 3)``, from the start to the end.
+        RGB frames of each episode, uint8 ``(size, size, 3)``, from the start to the end.
 
     Raises:
-        RenderError: a size that cannot be drawn.
+        RenderError: If the size cannot be drawn.
     """
     check_render_size(size)
     drawn = []
@@ -62,7 +62,7 @@ def episode_frames(
 
 
 def encode_animation(frames: Sequence[Frame], durations: Sequence[int]) -> bytes:
-    """Frames as a GIF that repeats; ``durations`` in milliseconds, one per frame."""
+    """Encode frames as a GIF that repeats; ``durations`` are in milliseconds, one per frame."""
     images = [Image.fromarray(frame).quantize(_COLORS) for frame in frames]
     stream = io.BytesIO()
     images[0].save(
@@ -77,23 +77,23 @@ def encode_animation(frames: Sequence[Frame], durations: Sequence[int]) -> bytes
 
 
 def _durations(episode: Sequence[Frame]) -> list[int]:
-    """Real time, pausing on the last frame."""
+    """Time an episode's frames in milliseconds: real time, with a pause on the last."""
     return [_FRAME_MS] * (len(episode) - 1) + [_LAST_FRAME_MS]
 
 
 def growth_and_episode(robot: EvolvedRobot, size: int) -> tuple[list[Frame], list[int]]:
-    """Frames of the growth and of one episode, and the milliseconds that each is shown."""
+    """Draw growth and one episode; returns frames, and their durations in milliseconds."""
     bodies = [draw_body(body, size) for body in robot.growth().bodies]
     episode = episode_frames(robot, size=size)[0]
     return bodies + episode, [_GROWTH_FRAME_MS] * len(bodies) + _durations(episode)
 
 
 def story(robot: EvolvedRobot, ends: Sequence[Frame]) -> Frame:
-    """Growth from the seed cell above, the ends of episodes below, each from left to right.
+    """Draw growth from the seed cell above and the ends of episodes below, from left to right.
 
     Args:
         robot: Robot whose growth is shown.
-        ends: Last frame of each episode, E times RGB, uint8 ``(size, size, 3)``.
+        ends: Last frame of each of E episodes: RGB, uint8 ``(size, size, 3)``.
 
     Returns:
         RGB, uint8 ``(height, E * size, 3)``.
@@ -116,7 +116,7 @@ def story(robot: EvolvedRobot, ends: Sequence[Frame]) -> Frame:
 def save_pictures(
     robot: EvolvedRobot, folder: Path, *, seed: int = 0, size: int = DEFAULT_SIZE
 ) -> list[Path]:
-    """Draw body, growth and an episode in each region into a folder; returns the files' paths."""
+    """Draw body, growth and an episode in each region; returns the paths of the files."""
     body_path, story_path, episodes_path = (
         folder / name for name in (BODY_FILE, STORY_FILE, EPISODES_FILE)
     )

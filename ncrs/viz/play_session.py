@@ -1,4 +1,4 @@
-"""The game without a window: your robot, an evolved one beside it, one scenario."""
+"""The game without its window: your robot, an evolved one beside it, one scenario."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 
 def steering(body: BodyGrid, throttle: float, turn: float) -> NDArray[np.float32]:
-    """Gas that drives any body like a tank.
+    """Steer any body like a tank.
 
     Args:
-        body: cell codes, ``(n, n)``, at least one cell.
-        throttle: -1 (backward) to 1 (forward).
-        turn: -1 (clockwise) to 1 (counter-clockwise): wheels to the right of the centre of mass
-            get more gas, those to its left less.
+        body: Cell codes, ``(n, n)``, at least one cell.
+        throttle: Common gas, from -1 (backward) to 1 (forward).
+        turn: Difference in gas, from -1 (clockwise) to 1 (counter-clockwise): more for wheels to
+            the right of the centre of mass, less for those to its left.
 
     Returns:
         Gas in [-1, 1], float32 ``(n, n)``, 0 in all but wheels.
@@ -35,7 +35,7 @@ def steering(body: BodyGrid, throttle: float, turn: float) -> NDArray[np.float32
 
 
 def _make_env(settings: TaskSettings, body: BodyGrid) -> Any:
-    """The Box2D environment, without Gymnasium's time limit, so that one may drive on."""
+    """Make the Box2D environment without Gymnasium's time limit, so that driving may continue."""
     return gymnasium.make(
         f"ncrs_envs:{settings.task.env_id}",
         body=body.tolist(),
@@ -51,7 +51,7 @@ class Lane:
     Args:
         task: Task and settings.
         body: Body that the task can use.
-        controller: Controller that drives it; None if you do.
+        controller: Controller that drives the robot; None if you do.
     """
 
     def __init__(self, task: TaskSettings, body: BodyGrid, controller: Controller | None) -> None:
@@ -94,7 +94,7 @@ class Lane:
 
 
 class PlaySession:
-    """You against the clock, or against an evolved robot, in the same scenario.
+    """Session of you against the clock, or against an evolved robot in the same scenario.
 
     Time stands still until you drive; editing your body starts the episode again.
 
@@ -106,7 +106,7 @@ class PlaySession:
         endless: Let the episode continue after the task's 100 steps.
 
     Raises:
-        BodyError: a body that the task cannot use.
+        BodyError: If the task cannot use the body.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class PlaySession:
         return not self._endless and self.yours.steps >= MAX_EPISODE_STEPS
 
     def restart(self) -> None:
-        """Both robots back to the start of the same scenario."""
+        """Put both robots back to the start of the same scenario."""
         scenario = self.scenario
         self.yours.reset(scenario, self.body if self.problem is None else None)
         if self.rivals is not None:
@@ -157,7 +157,7 @@ class PlaySession:
         self.started = False
 
     def next_scenario(self) -> None:
-        """Take another scenario; regions take turns."""
+        """Take another scenario; the regions take turns."""
         self._number += 1
         self.restart()
 
@@ -165,7 +165,7 @@ class PlaySession:
         """Change one cell of your body and start again; ``problem`` says if it cannot drive.
 
         Raises:
-            BodyError: a cell type that the task has not.
+            BodyError: If the task does not have that cell type.
         """
         if cell not in self.cells:
             raise BodyError(f"{self.task.name} has no {self.task.cell_label(cell)}.")
@@ -174,7 +174,7 @@ class PlaySession:
         self.wear(body)
 
     def wear(self, body: BodyGrid) -> None:
-        """Take a whole body and start again; ``problem`` says if it cannot drive."""
+        """Replace the whole body and start again; ``problem`` says if it cannot drive."""
         self.body = parse_body(body, self._settings.grid_size)
         try:
             self.task.check_body(self.body)

@@ -1,4 +1,4 @@
-"""The picture of the game: arenas above; below editor, palette, sensors, and keys."""
+"""The picture of the game: arenas above, and editor, palette, sensors and keys below."""
 
 from __future__ import annotations
 
@@ -53,21 +53,21 @@ class Layout:
         return _MARGIN, _TITLE + ARENA + _MARGIN
 
     def palette(self, index: int) -> tuple[int, int]:
-        """Left and top of a palette entry."""
+        """Compute left and top of a palette entry."""
         left, top = self.editor
         return left + _EDITOR + _MARGIN, top + index * (_PALETTE + _BETWEEN)
 
     def cell_at(self, x: int, y: int) -> tuple[int, int] | None:
-        """Row and column of the body's cell at a pixel, or None."""
+        """Find row and column of the body's cell at a pixel; None if there is none."""
         left, top = self.editor
-        # As ``draw_body`` draws it: half a cell of margin on each side.
+        # ``draw_body`` leaves half a cell of margin on each side.
         cell = _EDITOR / (self.grid_size + 1)
         column, row = ((place / cell) - 0.5 for place in (x - left, y - top))
         inside = 0 <= column < self.grid_size and 0 <= row < self.grid_size
         return (int(row), int(column)) if inside else None
 
     def palette_at(self, x: int, y: int) -> Cell | None:
-        """The palette's cell type at a pixel, or None."""
+        """Find the palette's cell type at a pixel; None if there is none."""
         for index, cell in enumerate(self.cells):
             left, top = self.palette(index)
             if left <= x < left + 5 * _PALETTE and top <= y < top + _PALETTE:
@@ -76,19 +76,19 @@ class Layout:
 
 
 def layout_of(session: PlaySession) -> Layout:
-    """The layout of a session's window."""
+    """Lay out the window of a session."""
     arenas = 1 if session.rivals is None else 2
     return Layout(session.body.shape[0], arenas, session.cells)
 
 
 def draw_play(session: PlaySession, chosen: Cell, speed: float, rival_title: str) -> Picture:
-    """The whole window, uint8 RGB.
+    """Draw the whole window, uint8 RGB.
 
     Args:
         session: Session to show.
         chosen: Cell type chosen in the palette.
-        speed: Multiple of real time, shown as it is.
-        rival_title: Title over the evolved robot.
+        speed: Speed to show, as a multiple of real time.
+        rival_title: Title above the evolved robot.
     """
     layout = layout_of(session)
     width, height = layout.size
@@ -134,7 +134,7 @@ def _help(width: int, *more: str) -> Picture:
 
 @lru_cache(maxsize=16)
 def _palette(task: Task, cells: tuple[Cell, ...], chosen: Cell) -> Picture:
-    """The cells to choose from, with room for a frame of 3 pixels around each."""
+    """Draw the cells to choose from, with room for a frame of 3 pixels around each."""
     step = _PALETTE + _BETWEEN
     picture = ground(len(cells) * step, 5 * _PALETTE + 6)
     for index, cell in enumerate(cells):
@@ -152,13 +152,13 @@ def _sample(cell: Cell) -> Picture:
     """One cell, cut out of a drawn body."""
     body = np.zeros((3, 3), dtype=np.int8)
     body[1, 1] = int(cell)
-    side = 4 * _PALETTE  # three cells and half a one on each side
+    side = 4 * _PALETTE  # three cells, and half a cell of margin on each side
     start = (side - _PALETTE) // 2
     return draw_body(body, side)[start : start + _PALETTE, start : start + _PALETTE]
 
 
 def _sensors(picture: Picture, session: PlaySession, left: int, top: int) -> Picture:
-    """A bar for each sensor, in row order; as many as there is room for."""
+    """Draw a bar for each sensor, in row order, as far as there is room."""
     values = session.yours.scene.sensor_values
     body = session.yours.scene.body
     picture = write(picture, (left, top), "your sensors", Lettering(_TEXT))
@@ -180,7 +180,7 @@ def _sensors(picture: Picture, session: PlaySession, left: int, top: int) -> Pic
 
 
 def _status(session: PlaySession, speed: float) -> tuple[str, Color]:
-    """One line about what to do now."""
+    """Say in one line what to do now; returns text and colour."""
     if session.problem is not None:
         return session.problem, VERMILION
     if session.finished:

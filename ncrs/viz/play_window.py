@@ -1,4 +1,4 @@
-"""The window to play in: turns keys and clicks into what a session does."""
+"""The window to play in, which turns keys and clicks into a session's actions."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _UNSEEN_DRIVERS = ("dummy", "offscreen", "evdev")
 _DRIVER_VARIABLE = "SDL_VIDEODRIVER"
 SPEEDS = (0.125, 0.25, 0.5, 1.0)
 DEFAULT_SPEED = 0.25
-_MOST_STEPS = 5
-"""Steps between two frames at most: a slow computer plays in slow motion, and does not jump."""
+_MAX_STEPS_PER_FRAME = 5
+"""Maximum number of steps between two frames: a slow computer plays in slow motion, no jumps."""
 
 
 class PlayWindow:
@@ -26,10 +26,10 @@ class PlayWindow:
 
     Args:
         session: Session to play.
-        title: Title of the evolved robot.
+        title: Title above the evolved robot.
 
     Raises:
-        VizError: there is no screen.
+        VizError: If there is no screen.
     """
 
     def __init__(self, session: PlaySession, title: str = "evolved") -> None:
@@ -77,13 +77,13 @@ class PlayWindow:
                 elapsed = self._clock.tick(FPS) / 1000.0
 
     def frame(self, elapsed: float) -> None:
-        """Handle what has happened, advance by ``elapsed`` seconds of the player's, and draw."""
+        """Handle events, advance by ``elapsed`` seconds of real time, and draw."""
         for event in self._pygame.event.get():
             self._handle(event)
         if not self.open:
             return
         self._owed += elapsed * self.speed / DT
-        steps = min(int(self._owed), _MOST_STEPS)
+        steps = min(int(self._owed), _MAX_STEPS_PER_FRAME)
         self._owed = min(self._owed - steps, 1.0)
         for _ in range(steps):
             self._session.step(*self._drive())
@@ -92,7 +92,7 @@ class PlayWindow:
         self._pygame.display.flip()
 
     def _drive(self) -> tuple[float, float]:
-        """Throttle and turn that the keys held down ask for."""
+        """Compute throttle and turn from the keys held down."""
         pygame = self._pygame
 
         def held(*keys: int) -> float:

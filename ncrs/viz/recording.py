@@ -28,17 +28,17 @@ class Recording:
     rewards: NDArray[np.float64]
     """Reward of every step, ``(T,)``."""
     fitness: float
-    """Mean reward, to the bit that of the ``box2d`` engine for the same set of scenarios."""
+    """Mean reward, bit-identical to the ``box2d`` engine's for the same set of scenarios."""
     scenario: Scenario
 
     @property
     def success(self) -> bool:
-        """True if the task was ever solved."""
+        """True if the task was solved at any time."""
         return self.scenes[-1].success
 
 
 class _Recorder:
-    """Keeps every moment of E episodes."""
+    """Recorder of every moment of E episodes."""
 
     def __init__(self, episodes: Sequence[Episode]) -> None:
         self._episodes = episodes
@@ -58,10 +58,10 @@ class _Recorder:
 
 
 def record(robot: EvolvedRobot, scenarios: Sequence[Scenario]) -> list[Recording]:
-    """Drive a robot through scenarios on Box2D, all in step, and keep every moment.
+    """Drive a robot through scenarios on Box2D, all in step, and record every moment.
 
     Raises:
-        ScenarioError: a scenario that does not fit the task.
+        ScenarioError: If a scenario does not fit the task.
         StateError: the automaton's state has become non-finite.
     """
     for scenario in scenarios:
@@ -82,10 +82,10 @@ def record(robot: EvolvedRobot, scenarios: Sequence[Scenario]) -> list[Recording
 
 
 def record_episodes(robot: EvolvedRobot, episodes: int, seed: int) -> list[Recording]:
-    """Drive a robot through ``episodes`` scenarios drawn from ``seed``; regions take turns.
+    """Drive a robot through ``episodes`` scenarios drawn from ``seed``; the regions take turns.
 
     Raises:
-        ScenarioError: ``episodes`` is not a positive integer.
+        ScenarioError: If ``episodes`` is not a positive integer.
         StateError: the automaton's state has become non-finite.
     """
     settings = robot.task

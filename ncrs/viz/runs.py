@@ -1,4 +1,4 @@
-"""Finding runs, in folders and sweeps, and grouping them for comparison."""
+"""Runs in folders and sweeps, and their groups for comparison."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _SWEEP_DEPTHS = ("*/", "*/*/")
 
 
 class VizError(NCRSError, ValueError):
-    """Nothing to look at: no run, nothing found by it yet, or a package or encoder is missing."""
+    """Nothing to show: no run, a run without results, or a missing package or encoder."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run's folder with its settings; the rest is read when asked for."""
+    """A run's folder with its settings; the rest is read on demand."""
 
     folder: Path
     config: TrainConfig
@@ -42,22 +42,22 @@ class Run:
         return self.config.optimizer.name
 
     def champion(self) -> Champion | None:
-        """The champion; None if the run has none yet."""
+        """Load the champion; None if the run has none yet."""
         return find_champion(self.folder)
 
     def metrics(self) -> Mapping[str, NDArray[np.float64]] | None:
-        """Curves by name; None if the run has no table of them."""
+        """Read the curves by name; None if the run has no table of them."""
         return read_metrics(self.folder) if (self.folder / METRICS_FILE).is_file() else None
 
     def archive(self) -> EliteArchive | None:
-        """The archive; None if the run has none, or an empty one."""
+        """Load the archive; None if the run has none, or an empty one."""
         archive = find_archive(self.folder)
         return archive if archive is not None and len(archive.archive) else None
 
 
 @dataclass(frozen=True)
 class Group:
-    """Runs of one task with one method: they differ in their seeds."""
+    """Runs of one task with one method, which differ in their seeds."""
 
     task: str
     method: str
@@ -65,22 +65,22 @@ class Group:
 
     @property
     def name(self) -> str:
-        """For file names."""
+        """Name of the group in file names."""
         return f"{self.task}_{self.method}"
 
     def champions(self) -> list[tuple[Run, Champion]]:
-        """Runs that have a champion, the fittest first."""
+        """Load the champions, each with its run, the fittest first."""
         found = [(run, run.champion()) for run in self.runs]
         having = [(run, champion) for run, champion in found if champion is not None]
         return sorted(having, key=lambda pair: -pair[1].fitness)
 
 
 def find_runs(paths: Sequence[Path]) -> list[Run]:
-    """The runs in folders; a folder that is no run itself, such as a sweep's, is searched.
+    """Find the runs in folders; a folder that is not a run, such as a sweep's, is searched.
 
     Raises:
-        VizError: a path that does not exist, or holds no run.
-        ConfigError: a run whose settings are damaged.
+        VizError: If a path is not a folder, or holds no run.
+        ConfigError: If a run's settings are damaged.
     """
     folders: list[Path] = []
     for path in paths:
@@ -100,7 +100,7 @@ def find_runs(paths: Sequence[Path]) -> list[Run]:
 
 
 def group_runs(runs: Sequence[Run]) -> list[Group]:
-    """Runs by task and method; tasks in the paper's order, methods in the alphabet's."""
+    """Group runs by task and method: tasks in the paper's order, methods in alphabetical order."""
     groups: dict[tuple[str, str], list[Run]] = {}
     order = list(TASKS)
     for run in sorted(runs, key=lambda run: (order.index(run.task), run.method)):
@@ -109,10 +109,10 @@ def group_runs(runs: Sequence[Run]) -> list[Group]:
 
 
 def tasks_of(groups: Sequence[Group]) -> list[str]:
-    """Names of the groups' tasks, each once."""
+    """List the groups' tasks by name, each once."""
     return list(dict.fromkeys(group.task for group in groups))
 
 
 def methods_of(groups: Sequence[Group]) -> list[str]:
-    """Names of the groups' methods, each once."""
+    """List the groups' methods by name, each once."""
     return sorted({group.method for group in groups})

@@ -25,7 +25,11 @@ _GAP = 6
 def ramp(
     values: NDArray[np.floating], low: float, high: float, scale: Sequence[Color] = AMOUNTS
 ) -> Picture:
-    """Colours of a scale, its first at ``low`` and its last at ``high``; one axis of 3 more."""
+    """Colour values on a scale, its first colour at ``low`` and its last at ``high``.
+
+    Returns:
+        RGB, uint8, with one more axis of 3 than ``values``.
+    """
     stops = np.asarray(scale, dtype=np.float64)
     fraction = np.clip((values - low) / (high - low if high > low else 1.0), 0.0, 1.0)
     place = fraction * (len(stops) - 1)
@@ -41,7 +45,7 @@ def _font(size: int) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
 
 @dataclass(frozen=True)
 class Lettering:
-    """Size in pixels, colour and anchor of a text; the anchor is Pillow's, the upper left one."""
+    """Size in pixels, colour and anchor of a text; anchors are named as in Pillow."""
 
     size: int
     color: Color = WHITE
@@ -49,7 +53,7 @@ class Lettering:
 
 
 def write(picture: Picture, at: Point, text: str, look: Lettering) -> Picture:
-    """A copy of a picture with text."""
+    """Write text on a copy of a picture."""
     image = Image.fromarray(picture)
     ImageDraw.Draw(image).multiline_text(
         at, text, fill=look.color, font=_font(look.size), anchor=look.anchor
@@ -58,14 +62,14 @@ def write(picture: Picture, at: Point, text: str, look: Lettering) -> Picture:
 
 
 def ground(height: int, width: int) -> Picture:
-    """An empty picture."""
+    """Make an empty picture."""
     return np.full((height, width, 3), GROUND, dtype=np.uint8)
 
 
 def strip(
     bodies: Sequence[BodyGrid] | NDArray[np.int8], captions: Sequence[str], side: int = 96
 ) -> Picture:
-    """Bodies side by side, each with a caption below.
+    """Draw bodies side by side, each with a caption below.
 
     Args:
         bodies: Cell codes of at least one body.
@@ -86,14 +90,14 @@ def strip(
 def heatmaps(
     grid: ArchiveGrid, low: float, high: float, *, columns: int = 6, pixels: int = 5
 ) -> Picture:
-    """All panels of an archive: sensors to the right, wheels upwards, the number of cells above.
+    """Draw all panels of an archive: sensors to the right, wheels upwards, number of cells above.
 
     Args:
-        grid: Panels.
+        grid: Panels to draw.
         low: Value at the lower end of the colour scale.
         high: Value at its upper end.
         columns: Number of panels in a row.
-        pixels: Side of a cell of a panel.
+        pixels: Side of a panel's cell in pixels.
     """
     panels, sensors, wheels = grid.values.shape
     text = 12

@@ -19,13 +19,13 @@ from ncrs.runs.checkpoint import write_atomically
 from ncrs_envs.canvas import Color
 
 WIDTH = 7.0
-"""Inches: two columns of a page."""
+"""Width of two columns of a page, in inches."""
 COLUMN = 3.4
-"""Inches: one column."""
+"""Width of one column, in inches."""
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito's hues, which the colour-blind can tell apart, darkest first."""
 LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (8, 2)))
-"""Line styles that repeat every distinction that a colour makes."""
+"""Line styles, so that methods differ by more than colour."""
 EMPTY_CELL = "#e4e4e4"
 
 METHOD_NAMES = {
@@ -57,24 +57,24 @@ _STYLE: dict[Any, Any] = {
 
 
 def colormap(scale: Sequence[Color]) -> Colormap:
-    """A scale of colours as matplotlib takes it."""
+    """Convert a scale of colours to matplotlib's form."""
     return LinearSegmentedColormap.from_list("scale", np.asarray(scale) / 255.0)
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Within the block, figures are made and saved in the house style."""
+    """Make and save figures in the house style within the block."""
     with mpl.rc_context(_STYLE):
         yield
 
 
 def method_name(method: str) -> str:
-    """An optimizer's name as it is printed."""
+    """Return an optimizer's name for display."""
     return METHOD_NAMES.get(method, method)
 
 
 def method_style(method: str) -> dict[str, Any]:
-    """Colour and line style of a method, the same in all figures."""
+    """Return the colour and line style of a method, the same in all figures."""
     known = list(METHOD_NAMES)
     index = known.index(method) if method in known else len(known)
     return {"color": COLORS[index], "ls": LINES[index]}
@@ -85,7 +85,7 @@ class Plot:
     """A figure with the numbers that it shows."""
 
     name: str
-    """Of the files, without their suffix."""
+    """Name of the files, without their suffix."""
     figure: Figure
     columns: Sequence[str]
     rows: Sequence[Sequence[Any]]

@@ -1,4 +1,4 @@
-"""What can be done at all: lengths of ways, and robots that are told more than they sense."""
+"""Limits of success: lengths of ways, and robots that know more than they sense."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What a champion's card says of how it was trained: all stages, as they ended."""
+"""Training on a champion's card: all stages, as they ended."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""What every engine must do."""
+"""Requirements on every engine."""
 
 import numpy as np
 import pytest

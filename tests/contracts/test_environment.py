@@ -1,4 +1,4 @@
-"""What every environment of the suite promises, whichever simulator it runs on."""
+"""Requirements on every environment of the suite, on either simulator."""
 
 import dataclasses
 

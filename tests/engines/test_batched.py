@@ -1,4 +1,4 @@
-"""What the batched engine alone must do; what every engine must is in the contract tests."""
+"""Requirements on the batched engine alone; those on every engine are in the contract tests."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def wait_until(condition, seconds=20.0):
 
 
 def alive(pid):
-    """Whether a process runs; one that has ended but was not waited for does not."""
+    """True if a process runs; one that has ended but was not waited for does not."""
     try:
         with open(f"/proc/{pid}/stat") as file:
             return file.read().rpartition(")")[2].split()[0] != "Z"

@@ -34,7 +34,7 @@ def random_body(rng: np.random.Generator) -> Callable[..., BodyGrid]:
 
 @pytest.fixture
 def uniform_gap() -> Callable[..., float]:
-    """How far samples are from the uniform law; above 1.95 about once in 1,000 times.
+    """Distance of samples from the uniform law; above 1.95 about once in 1,000 times.
 
     The larger of two statistics: the Kolmogorov-Smirnov distance times sqrt(n), which is weak at
     the ends, and the gaps that n samples leave at the two ends, whose n-fold is exponentially

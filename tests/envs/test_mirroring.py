@@ -1,4 +1,4 @@
-"""Mirror images of scenarios: that they are images, where they lie, and that they cancel."""
+"""Mirror images of scenarios: geometry, order, and noise."""
 
 import numpy as np
 import pytest

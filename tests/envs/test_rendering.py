@@ -1,4 +1,4 @@
-"""Pictures: what they show and where. All drawn without a display."""
+"""Pictures and their content, drawn without a display."""
 
 import dataclasses
 

@@ -119,7 +119,7 @@ def test_obstacle_walls(n, rng, uniform_gap):
 
 
 def _innermost(line, low, high, sign):
-    """How far in a wall reaches between two heights: the extreme x of its clipped segments."""
+    """Innermost x of a wall between two heights: the extreme of its clipped segments."""
     reach = []
     for (x0, y0), (x1, y1) in itertools.pairwise(line):
         bottom, top = max(min(y0, y1), low), min(max(y0, y1), high)

@@ -1,4 +1,4 @@
-"""The archive: which triples there are, who gets in, and what it reports."""
+"""The archive: its triples, its rule of acceptance, and its statistics."""
 
 from itertools import product
 

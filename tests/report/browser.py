@@ -83,7 +83,7 @@ class Page:
         ActionChains(self.driver).move_to_element(element).click().perform()
 
     def _is_settled(self, element):
-        """Whether the element rests in view, uncovered: what loads late moves the page."""
+        """True if the element rests in view, uncovered: parts that load late move the page."""
         places = []
         for _ in range(2):
             places.append(self.js(_PLACE, element))

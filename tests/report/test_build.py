@@ -196,7 +196,7 @@ def test_nothing_but_a_report_is_written_over(run_dir, tmp_path, capsys):
     precious = tmp_path / "precious"
     precious.mkdir()
     (precious / "thesis.txt").write_text("years of work")
-    with pytest.raises(ReportError, match="is no report"):
+    with pytest.raises(ReportError, match="is not a report"):
         build_report(run_dir, precious, ReportOptions(elites="champion", episodes=1))
     assert (precious / "thesis.txt").read_text() == "years of work"
     page = tmp_path / "page"

@@ -1,4 +1,4 @@
-"""The robots that come with the package: that they are there, and do what their cards say."""
+"""The robots that come with the package: they are there, and do what their cards say."""
 
 import shutil
 import subprocess
@@ -27,7 +27,7 @@ from ncrs_envs.tasks import TASKS
 ROOT = Path(__file__).parents[2]
 RECIPES = ("best", "cma_es", "cma_me")
 CURRICULUM = "light_chase/curriculum"
-"""Where the best search in CarryBall started."""
+"""Champion from which the best search in CarryBall started."""
 NAMES = sorted([*(f"{task}/{recipe}" for task in TASKS for recipe in RECIPES), CURRICULUM])
 
 

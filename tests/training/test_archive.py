@@ -35,7 +35,7 @@ SETTINGS = {
     "cma_es": {"population": 10, "sigma": 0.1},
 }
 FEWER_GENERATIONS = {"cma_es": 5}
-"""Of those whose checkpoints take long to write."""
+"""Number of generations of optimizers whose checkpoints take long to write."""
 
 
 def config(name="map_elites", **changes):
@@ -258,7 +258,7 @@ def test_a_run_of_another_optimizer_is_refused(undisturbed):
 
 
 def test_symmetric_search_on_mirrored_scenarios(tmp_path):
-    """What is archived is what was evaluated, on the scenarios that the elite names."""
+    """Elites have the fitness of their evaluation, on the scenarios that they name."""
     changes = {"placement_noise": 0.3, "reestimate_every": 0}
     train(config(symmetric=True, mirroring="front_back", **changes), tmp_path)
     archive = load_archive(tmp_path)

@@ -1,4 +1,4 @@
-"""Where a search starts, and what it maximises."""
+"""Starts and objectives of a search."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""TensorBoard beside the scalars: what is written, when, and into which file."""
+"""TensorBoard beside the scalars: content, times and file of what is written."""
 
 import io
 from dataclasses import replace

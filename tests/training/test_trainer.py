@@ -1,4 +1,4 @@
-"""Training: logs, champions, and that a run which was killed goes on as if nothing had been."""
+"""Training: logs, champions, and runs that resume after a kill as if there had been none."""
 
 import dataclasses
 import errno

@@ -1,4 +1,4 @@
-"""Films: length, frames, formats, which robot they show, and what they refuse."""
+"""Films: length, frames, formats, robots, and errors."""
 
 import imageio_ffmpeg
 import numpy as np

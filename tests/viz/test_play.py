@@ -41,7 +41,7 @@ def test_the_clock_starts_with_the_first_key(session):
     x, y, _ = session.yours.scene.pose
     assert y > 5.0
     assert abs(x) < 1.0
-    session.step(0.0, 0.0)  # goes on without keys
+    session.step(0.0, 0.0)  # continues without keys
     assert session.yours.steps == 31
     session.restart()
     assert session.yours.scene.pose == (0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Recordings on Box2D: that they show what the engine evaluates."""
+"""Recordings on Box2D show what the engine evaluates."""
 
 import dataclasses
 

@@ -2,7 +2,7 @@
 "use strict";
 
 (() => {
-  // Robots that the address asks for, as #show=3-4-12 or #show=champion+3-4-12.
+  // Robots that the address names, as #show=3-4-12 or #show=champion+3-4-12.
   function asked() {
     const { champion } = NCRSReport.overview.robots;
     const match = /^#show=([\w+-]+)$/.exec(location.hash);

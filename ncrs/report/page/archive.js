@@ -1,5 +1,5 @@
-// The archive: a grid of sensors x wheels for each number of cells. One cell can be reached with the
-// tabulator at a time; arrow keys move it.
+// The archive: a grid of sensors x wheels for each number of cells. It is one tab stop: arrow keys
+// move from cell to cell.
 "use strict";
 
 (() => {
@@ -87,7 +87,7 @@
     const robots = document.getElementById("robots");
     robots.focus({ preventScroll: true });
     robots.scrollIntoView();
-    isShown.then(() => robots.scrollIntoView()); // the page was not as long before
+    isShown.then(() => robots.scrollIntoView()); // the card has made the page longer
   }
 
   function neighbour(key) {

@@ -7,7 +7,7 @@
   const COLORS = ["var(--line-1)", "var(--line-2)", "var(--line-3)"];
   const DASHES = ["none", "6 3", "2 3"]; // lines differ by more than colour
 
-  // About four round numbers from low to high.
+  // About four round numbers between low and high.
   function ticks(low, high) {
     if (high <= low) return [low];
     const raw = (high - low) / 4;

@@ -1,5 +1,4 @@
-// Colours of numbers, on the scales that the data come with: one for amounts, one for what may be
-// negative.
+// Colours of numbers, on the scales that come with the data: one for amounts, one for signed values.
 "use strict";
 
 (() => {

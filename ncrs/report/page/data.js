@@ -3,7 +3,7 @@
 "use strict";
 
 const NCRSReport = (() => {
-  const MOST_KEPT = 8; // data files of each kind kept in memory
+  const MAX_KEPT = 8; // data files of each kind kept in memory
   const kept = { robots: new Map(), genomes: new Map() };
   const waiting = new Map();
 
@@ -21,7 +21,7 @@ const NCRSReport = (() => {
     const files = kept[kind];
     if (files.has(index)) {
       const found = files.get(index);
-      files.delete(index); // the last used goes to the end
+      files.delete(index); // the most recently used goes to the end
       files.set(index, found);
       return found;
     }
@@ -39,7 +39,7 @@ const NCRSReport = (() => {
       document.head.append(script);
     });
     files.set(index, promise);
-    if (files.size > MOST_KEPT) files.delete(files.keys().next().value);
+    if (files.size > MAX_KEPT) files.delete(files.keys().next().value);
     return promise;
   }
 
@@ -47,14 +47,14 @@ const NCRSReport = (() => {
     return Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
   }
 
-  // Integers of base64 text, as numbers from -limit (or 0) to limit. Data are little-endian.
+  // Little-endian integers in base64, scaled to numbers from -limit (or 0) to limit.
   function unpack(text, type, limit) {
     const raw = bytes(text);
     const [size, read] = {
       int8: [1, "getInt8"], uint8: [1, "getUint8"], int16: [2, "getInt16"], uint16: [2, "getUint16"],
     }[type];
-    const largest = type.startsWith("u") ? 256 ** size - 1 : 256 ** size / 2 - 1;
-    const scale = limit === undefined ? 1 : limit / largest;
+    const maxInteger = type.startsWith("u") ? 256 ** size - 1 : 256 ** size / 2 - 1;
+    const scale = limit === undefined ? 1 : limit / maxInteger;
     const view = new DataView(raw.buffer);
     return Float64Array.from({ length: raw.length / size }, (_, i) => view[read](i * size, true) * scale);
   }

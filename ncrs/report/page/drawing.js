@@ -16,7 +16,7 @@
     return context;
   }
 
-  // "rgb(r, g, b)" of the way from one colour to another.
+  // A colour between two others, as "rgb(r, g, b)".
   function mix(from, to, fraction) {
     const [a, b] = [from, to].map((color) => color.match(/\d+/g).map(Number));
     return `rgb(${a.map((value, i) => Math.round(value + (b[i] - value) * fraction)).join(", ")})`;
@@ -70,7 +70,7 @@
     }
   }
 
-  // A body alone, front up; numbers writes sensor values and gas into its cells.
+  // A body alone, front up; if numbers is true, with sensor values and gas written into its cells.
   function drawBody(canvas, body, values, gas, numbers = false) {
     const { gridSize: n, cellSize, palette, cells } = NCRSReport.overview.world;
     const side = canvas.clientWidth || 120;

@@ -1,4 +1,4 @@
-// Plays recorded episodes: play, pause, single steps, speed, scrubbing.
+// A player of recorded episodes: play, pause, single steps, speed, scrubbing.
 "use strict";
 
 (() => {
@@ -21,7 +21,7 @@
     return [...body].filter((character) => cells[character][isKind]).length;
   }
 
-  // What there is to draw at a time in steps; poses between two steps are interpolated.
+  // Everything to draw at a time, given in steps; poses between two steps are interpolated.
   function frameAt(body, episode, time) {
     const step = Math.floor(time), rest = time - step;
     const last = episode.angle.length - 1, next = Math.min(step + 1, last);
@@ -59,7 +59,7 @@
     return `${between(robot, ball)} units from the ball, ball ${between(ball, scenario.target)} from the target`;
   }
 
-  // A player for one robot; onEpisode is told the episode whenever another is chosen.
+  // A player for one robot; onEpisode is called with each episode that is chosen.
   NCRSReport.makePlayer = (name, body, episodes, onEpisode) => {
     const world = NCRSReport.overview.world;
     const steps = world.steps;

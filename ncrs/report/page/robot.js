@@ -98,7 +98,7 @@
     return element("div", { class: "actions" }, ...made);
   }
 
-  // Fill a card with what its data file holds.
+  // Fill a card with the robot's record from its data file.
   async function fill(card, robot, canvas) {
     const name = NCRSReport.robotName(robot);
     const body = NCRSReport.overview.robots.body[robot];
@@ -113,7 +113,7 @@
     if (!card.isConnected) return;
     if (record === null) {
       card.append(element("p", { class: "quiet" }, "Growth and episodes of elites are not in this report; " +
-        "they are recorded with --elites all."));
+        "--elites all records them."));
       return;
     }
     const grown = NCRSReport.makeChannels("");
@@ -143,7 +143,7 @@
   function placeholder() {
     return element("article", { class: "card waiting" },
       element("p", {}, "Choose another robot in the archive to see it beside this one."),
-      element("button", { type: "button", class: "close", onclick: () => close(null) }, "Do not compare"));
+      element("button", { type: "button", class: "close", onclick: () => close(null) }, "Stop comparing"));
   }
 
   function render() {

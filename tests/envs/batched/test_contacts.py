@@ -1,4 +1,4 @@
-"""What contacts must never do: let through, add energy, or shake."""
+"""Contacts never let through, add energy, or shake."""
 
 import math
 
@@ -34,7 +34,7 @@ def _coast(episode, steps):
 
 
 def _depth_in_light(body, pose, light):
-    """How far the light's disc overlaps the nearest cell; 1 where its centre is in the cell."""
+    """Overlap of the light's disc with the nearest cell; 1 where its centre is in the cell."""
     n = body.shape[0]
     x, y, angle = pose
     cos, sin = math.cos(angle), math.sin(angle)

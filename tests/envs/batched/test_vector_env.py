@@ -111,7 +111,7 @@ def test_each_seed_gives_the_single_environments_scenario(make, env_id):
         single.reset(seed=seed)
         assert scenario == single.unwrapped.scenario
     assert envs.unwrapped.np_random_seed == (4, 9, 1, 4, 30)
-    # Without a seed each goes on with its own generator.
+    # Without a seed each continues with its own generator.
     single.reset()
     envs.reset()
     assert envs.unwrapped.scenarios[4] == single.unwrapped.scenario

@@ -1,4 +1,4 @@
-"""CMA-ES: that it is CMA-ES, and that its state is complete."""
+"""CMA-ES: it is CMA-ES, and its state is complete."""
 
 import math
 import warnings

@@ -1,6 +1,6 @@
-"""The optimizers that fill an archive: what all of them owe, and what they are worth.
+"""The optimizers that fill an archive: their common duties, and their performance.
 
-All tests use ``feature_problem``, where the best fitness of every measure triple is known, so
+All tests use ``measure_problem``, where the best fitness of every measure triple is known, so
 that no elite can flatter itself. At equal evaluations (600 generations of 20) CMA-ES, which follows
 fitness to the one peak, fills about 75 of the 560 triples with QD-score 0.10; CMA-ME with
 improvement ranking fills about 550 with 0.56, where perfect elites everywhere would give 0.61.
@@ -19,7 +19,7 @@ from ncrs.evolution.optimizers import OPTIMIZERS, OptimizerError, make_optimizer
 from ncrs.runs.checkpoint import read_state, write_state
 
 _SPEC = importlib.util.spec_from_file_location(
-    "feature_problem", Path(__file__).with_name("feature_problem.py")
+    "measure_problem", Path(__file__).with_name("measure_problem.py")
 )
 problem = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(problem)

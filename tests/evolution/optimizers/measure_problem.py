@@ -13,9 +13,9 @@ _WIDTH = 4.0
 
 
 def measures(genomes):
-    """Triples that the first three weights choose; where they are impossible, -1.
+    """Measures that the first three weights choose, ``(P, 3)``; -1 where they are impossible.
 
-    Each weight moves one feature away from (2, 3, 8), by one per 0.25.
+    Each weight moves one measure away from (2, 3, 8), by one per 0.25.
     """
     triples = np.round(genomes[:, :3] / 0.25 + (2, 3, 8)).astype(np.int64)
     possible = SPACE.cells(triples) >= 0
@@ -23,7 +23,7 @@ def measures(genomes):
 
 
 def best_fitness(triples):
-    """The largest fitness that a genome with these measures can have, ``(P,)``.
+    """Maximum fitness of genomes with these measures, ``(P,)``.
 
     One peak in the middle of the measures: a search for fitness alone ends there.
     """
@@ -43,7 +43,7 @@ def fitness(genomes):
 
 
 def make_archive():
-    """An empty archive for the problem."""
+    """Make an empty archive for the problem."""
     return Archive(SPACE, DIMENSION, grid_size=4)
 
 
