@@ -1,4 +1,4 @@
-"""The fast engine: NCA, physics and scoring fused into numba kernels, threads over genomes."""
+"""Fast engine: NCA, physics and scoring fused into numba kernels, with threads over genomes."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ from ncrs_envs.tasks import MAX_EPISODE_STEPS
 _LOGGER = logging.getLogger(__name__)
 _POLL_S = 0.05
 _NOTICE_S = 3.0
-"""Loading compiled kernels takes less than this, compiling them more."""
+"""Loading compiled kernels takes less time, compiling them more."""
 _GROWTH_CHUNK = 16
-"""Genomes per job; growing one takes less time than handing it to a thread."""
+"""Genomes per job; growing a single one takes less time than handing it to a thread."""
 
 
 class BatchedEngine(Engine):
-    """See ``Engine``. ``workers`` are threads of this process.
+    """``Engine`` on the batched simulator; ``workers`` is the number of threads of this process.
 
-    The kernels are compiled on first use, which takes under a minute, and kept on disk.
+    The kernels are compiled on first use, which takes under a minute, and cached on disk.
     """
 
     name = "batched"
@@ -79,7 +79,7 @@ class BatchedEngine(Engine):
 
         with _compilation_notice():
             for kernel in (grow, roll_out):
-                kernel(np.arange(0))  # no genomes: compiles, or loads what is on disk
+                kernel(np.arange(0))  # no genomes: compiles, or loads from disk
         self._spread(grow, np.arange(population), _GROWTH_CHUNK, should_stop)
         for genome in np.flatnonzero(~grown.finite):
             warnings.warn(
@@ -117,11 +117,11 @@ class BatchedEngine(Engine):
 
 @contextmanager
 def _compilation_notice() -> Iterator[None]:
-    """Say that kernels are being compiled, if what happens here takes longer than loading them."""
+    """Log that kernels are being compiled if the body takes longer than loading them."""
     notice = threading.Timer(
         _NOTICE_S,
         _LOGGER.warning,
-        ("Compiling the batched engine; this takes under a minute and is kept on disk.",),
+        ("Compiling the batched engine; this takes under a minute and is cached on disk.",),
     )
     notice.start()
     try:
@@ -131,7 +131,7 @@ def _compilation_notice() -> Iterator[None]:
 
 
 def _scenario_table(rows: ScenarioRows, grid_size: int) -> Scenarios:
-    """Records of all scenarios, shape ``(rows, E)``."""
+    """Return the records of all scenarios, shape ``(rows, E)``."""
     shape = (len(rows), len(rows[0]))
     flat = scenario_records([scenario for row in rows for scenario in row], grid_size)
     quads = flat.quads.reshape(*shape, -1)

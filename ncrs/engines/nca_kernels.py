@@ -1,15 +1,14 @@
-"""The NCA as numba kernels: growth and control of one genome, all its episodes at once.
+"""NCA as numba kernels: growth and control of one genome, in all its episodes at once.
 
 The second and third layers are matrix products; the first is one matrix product per neighbour,
 taken over the neighbours that exist. Three savings are exact: during control the fixed channels
 contribute a constant per cell to the first layer; only the channels that change are computed; and
 cells that are empty or outside the grid contribute nothing, so they are not visited.
 
-Arrays are float32, weights flat. States have shape ``(cells, episodes, lanes)``, with the
-channels padded to ``GROWTH_LANES`` or ``CONTROL_LANES``; units lie ``[episode][unit]``, padded to
-``UNIT_LANES``.
-Every value is computed in one fixed order, so results depend neither on the thread nor on the
-place of an episode or a genome. Source: paper section 3.
+Arrays are float32, weights flat. States have shape ``(cells, episodes, lanes)``, with the channels
+padded to ``GROWTH_LANES`` or ``CONTROL_LANES``; hidden units lie ``[episode][unit]``, padded to
+``UNIT_LANES``. Every value is computed in one fixed order, so results depend neither on the thread
+nor on the index of an episode or a genome. Source: paper section 3.
 """
 
 from __future__ import annotations
@@ -41,14 +40,14 @@ from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.body import Cell
 
 UNIT_LANES = 32
-"""The units of the first and the second layer, padded to whole vectors."""
+"""Hidden units of the first or second layer, padded to whole vectors."""
 GROWTH_LANES = 16
-"""All channels, padded."""
+"""All channels, padded to whole vectors."""
 CONTROL_LANES = 8
-"""The channels that change during control, padded."""
+"""Channels that change during control, padded to whole vectors."""
 EPISODE_TILE = 6
-"""Episodes that are computed together: half of the paper's 12. Their accumulators fill 12 of 32
-vector registers of 512 bits; more is slower where registers are fewer and narrower."""
+"""Number of episodes that are computed together: half of the paper's 12. Their accumulators fill 12
+of 32 vector registers of 512 bits; more is slower where registers are fewer and narrower."""
 
 CHANGING_CHANNELS = HIDDEN_CHANNELS + 1
 IO_LANE = CHANGING_CHANNELS - 1
@@ -60,13 +59,13 @@ _LIMIT = np.float32(STATE_LIMIT)
 FloatArray = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 _Place = tuple[int, int]
-"""A cell's number, and an episode's index."""
+"""A cell's index, and an episode's."""
 
 
 class Network(NamedTuple):
     """Weights laid out for tiles, as flat arrays.
 
-    Those of a population have the genomes as leading axis.
+    For a population, the genomes are the leading axis.
     """
 
     first: FloatArray
@@ -76,7 +75,7 @@ class Network(NamedTuple):
     """``[unit in][unit out]``."""
     second_bias: FloatArray
     third: FloatArray
-    """``[unit][channel]`` with the channels' padding."""
+    """``[unit][channel]``, with padded channels."""
     third_bias: FloatArray
 
 
@@ -86,7 +85,7 @@ class Graph(NamedTuple):
     start: IntArray
     """Links of cell ``i`` are ``start[i]`` to ``start[i + 1]``."""
     source: IntArray
-    """The neighbour that a link reads, a cell number."""
+    """Index of the neighbour that a link reads."""
     weights: IntArray
     """Offset in ``Network.first`` of the link's first weight."""
 
@@ -95,11 +94,11 @@ def pack_genomes(genomes: FloatArray, layout: NCALayout) -> tuple[Network, Netwo
     """Lay out the weights of P genomes for growth and for control.
 
     Args:
-        genomes: checked, float32 ``(P, num_parameters)``.
-        layout: the NCA's channels.
+        genomes: Checked genomes, float32 ``(P, num_parameters)``.
+        layout: The NCA's channels.
 
     Returns:
-        The network of all channels, and the one whose third layer has the changing channels only;
+        The network of all channels, and the one whose third layer has only the changing channels;
         arrays have shape ``(P, ...)``. The control flag's update is zero.
     """
     population = len(genomes)
@@ -135,7 +134,7 @@ def _padded(weights: FloatArray, lanes: int) -> FloatArray:
 
 @kernel
 def network_of(networks: Network, genome: int) -> Network:
-    """One genome's network out of a population's."""
+    """Return one genome's network out of a population's."""
     return Network(
         networks.first[genome],
         networks.first_bias[genome],
@@ -148,19 +147,19 @@ def network_of(networks: Network, genome: int) -> Network:
 
 @kernel
 def link_cells(exists: NDArray[Any], channels: int, first_channel: int) -> Graph:
-    """Number the existing cells row by row and link each to its neighbours.
+    """Link every existing cell to its neighbours; indices run over existing cells, row by row.
 
     Args:
-        exists: shape ``(n, n)``, not 0 where there is a cell.
-        channels: number of channels of the first layer.
-        first_channel: the first channel that links read.
+        exists: Grid, shape ``(n, n)``, nonzero where there is a cell.
+        channels: Number of channels of the first layer.
+        first_channel: Index of the first channel that links read.
     """
     n = exists.shape[0]
-    numbers = np.empty((n, n), dtype=np.int64)
+    indices = np.empty((n, n), dtype=np.int64)
     cells = 0
     for row in range(n):
         for column in range(n):
-            numbers[row, column] = cells
+            indices[row, column] = cells
             if exists[row, column] != 0:
                 cells += 1
     start = np.zeros(cells + 1, dtype=np.int64)
@@ -175,15 +174,15 @@ def link_cells(exists: NDArray[Any], channels: int, first_channel: int) -> Graph
                 for j in range(max(column - _REACH, 0), min(column + _REACH + 1, n)):
                     if exists[i, j] != 0:
                         position = (i - row + _REACH) * KERNEL_SIZE + j - column + _REACH
-                        source[links] = numbers[i, j]
+                        source[links] = indices[i, j]
                         weights[links] = (position * channels + first_channel) * UNIT_LANES
                         links += 1
-            start[numbers[row, column] + 1] = links
+            start[indices[row, column] + 1] = links
     return Graph(start, source, weights)
 
 
 class _FirstLayer(NamedTuple):
-    """What the first layer's sums begin with, at ``start``, and how many channels links add."""
+    """Initial sums of the first layer, from ``start`` on, and number of channels that links add."""
 
     constants: FloatArray
     start: int
@@ -191,7 +190,7 @@ class _FirstLayer(NamedTuple):
 
 
 class _Buffers(NamedTuple):
-    """Current states, updated ones, and room for two layers of units."""
+    """Current states, updated ones, and a buffer for two layers of hidden units."""
 
     states: FloatArray
     updated: FloatArray
@@ -199,13 +198,13 @@ class _Buffers(NamedTuple):
 
 
 def _make_cell_update(rows: int, lanes: int) -> Callable[..., None]:
-    """The NCA's update of a cell in ``rows`` episodes; the tile's size is fixed at compilation."""
+    """Make the kernel that updates a cell in ``rows`` episodes, with tiles of constant size."""
 
     @kernel
     def update_cell(
         network: Network, graph: Graph, layer: _FirstLayer, buffers: _Buffers, place: _Place
     ) -> None:
-        """Write ``clip(x + dx)`` of a cell in ``rows`` episodes from the place's on."""
+        """Write ``clip(x + dx)`` of a cell in ``rows`` episodes, from that of ``place`` on."""
         states, updated, units = buffers
         cell, episode = place
         episodes = states.shape[1]
@@ -244,17 +243,17 @@ _update_control_cells = _make_cell_update(EPISODE_TILE, CONTROL_LANES)
 def growth_step(
     network: Network, graph: Graph, channels: int, states: FloatArray, updated: FloatArray
 ) -> bool:
-    """One step of growth; returns whether every new value is finite.
+    """Compute one step of growth and return True if every new value is finite.
 
     A cell lives if any body value of its neighbourhood exceeds 0.1 before the update; the others
     become zero.
 
     Args:
-        network: the genome's weights for growth.
-        graph: links of the whole grid.
-        channels: number of channels C.
-        states: ``(cells, 1, GROWTH_LANES)``.
-        updated: output, same shape.
+        network: The genome's weights for growth.
+        graph: Links of the whole grid.
+        channels: Number of channels C.
+        states: Current states, ``(cells, 1, GROWTH_LANES)``.
+        updated: Output, same shape.
     """
     buffers = _Buffers(states, updated, np.empty(2 * UNIT_LANES, dtype=np.float32))
     layer = _FirstLayer(network.first_bias, 0, channels)
@@ -275,7 +274,7 @@ def growth_step(
 
 @kernel
 def seed_lanes(grid_size: int) -> FloatArray:
-    """The state that growth starts from, as the kernels lay it out: body 1 in the middle cell."""
+    """Return the state that growth starts from: body 1 in the middle cell."""
     states = np.zeros((grid_size * grid_size, 1, GROWTH_LANES), dtype=np.float32)
     middle = grid_size // 2
     states[middle * grid_size + middle, 0, BODY_CHANNEL] = 1.0
@@ -286,16 +285,16 @@ def seed_lanes(grid_size: int) -> FloatArray:
 def grow_body(
     network: Network, part_codes: NDArray[np.int8], steps: int, body: NDArray[np.int8]
 ) -> bool:
-    """Grow a body from the seed; returns whether all states stayed finite.
+    """Grow a body from the seed and return True if all states stayed finite.
 
-    A cell is occupied where its body value exceeds 0.1; its type is the part channel with the
-    largest value, the first on a tie.
+    A cell is occupied if its body value exceeds 0.1; its part is that of the part channel with
+    the maximum value, the first on a tie.
 
     Args:
-        network: the genome's weights for growth.
-        part_codes: cell code of each part channel.
-        steps: number of growth steps.
-        body: output, cell codes, shape ``(n, n)``; empty if a state turned non-finite.
+        network: The genome's weights for growth.
+        part_codes: Cell code of each part channel.
+        steps: Number of growth steps.
+        body: Output, cell codes, shape ``(n, n)``; empty if a state turned non-finite.
     """
     n = body.shape[0]
     channels = FIRST_PART_CHANNEL + part_codes.shape[0] + CHANGING_CHANNELS
@@ -320,9 +319,10 @@ def grow_body(
 def control_constants(
     network: Network, part_codes: NDArray[np.int8], body: NDArray[np.int8]
 ) -> FloatArray:
-    """What bias and fixed channels add to the first layer, ``[occupied cell][unit]``.
+    """Return the first layer's constant sums over bias and fixed channels.
 
-    The control flag is 1 in every cell of the grid, body and part channels in occupied ones.
+    They lie ``[occupied cell][unit]``. The control flag is 1 in every cell of the grid, the body
+    and part channels only in occupied ones.
     """
     n = body.shape[0]
     channels = FIRST_PART_CHANNEL + part_codes.shape[0] + CHANGING_CHANNELS
@@ -363,15 +363,15 @@ def control_step(
     states: FloatArray,
     updated: FloatArray,
 ) -> None:
-    """One NCA step of every occupied cell in every episode.
+    """Update every occupied cell in every episode once.
 
     Args:
-        network: the genome's weights for control.
-        constants: from ``control_constants``.
-        graph: links of the occupied cells, from the first changing channel on.
-        states: ``(occupied cells, episodes, CONTROL_LANES)``; the number of episodes is a multiple
-            of ``EPISODE_TILE``.
-        updated: output, same shape.
+        network: The genome's weights for control.
+        constants: Constant sums from ``control_constants``.
+        graph: Links of the occupied cells, from the first changing channel on.
+        states: Current states, ``(occupied cells, episodes, CONTROL_LANES)``; the number of
+            episodes is a multiple of ``EPISODE_TILE``.
+        updated: Output, same shape.
     """
     units = np.empty(2 * EPISODE_TILE * UNIT_LANES, dtype=np.float32)
     buffers = _Buffers(states, updated, units)

@@ -1,8 +1,8 @@
-"""Growth of a population, and the fused rollout: NCA, physics and scoring in one compiled loop.
+"""Growth of a population, and its fused rollout: NCA, physics and scoring in one compiled loop.
 
-Both kernels work through a list of genomes and write only those genomes' rows, so that callers can
-spread genomes over threads as they like; no result depends on how. With tapes the rollout also
-writes down every step, which changes nothing in what it computes.
+Both kernels work through a list of genomes and write only those genomes' rows, so callers can
+spread genomes over threads in any way with the same results. With tapes the rollout also records
+every step, which does not change its results.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ class Grown(NamedTuple):
     bodies: NDArray[np.int8]
     """Cell codes, ``(P, n, n)``."""
     finite: NDArray[np.bool_]
-    """Whether all states stayed finite, ``(P,)``; the body is empty if not."""
+    """True if all states stayed finite, ``(P,)``; otherwise the body is empty."""
 
 
 class Rollout(NamedTuple):
-    """What to roll out: P genomes in E episodes each."""
+    """Inputs of a rollout: P genomes in E episodes each."""
 
     networks: Network
     """Weights for control, ``(P, ...)``."""
@@ -71,32 +71,32 @@ class Rollout(NamedTuple):
     scenarios: Scenarios
     """``(P or 1, E)``."""
     steps: int
-    """Control steps per episode."""
+    """Number of env steps per episode."""
 
 
 class Outcomes(NamedTuple):
-    """What comes of P genomes in E episodes; see ``ncrs.engines.base.Evaluation``."""
+    """Results of P genomes in E episodes; see ``ncrs.engines.base.Evaluation``."""
 
     episode_fitness: NDArray[np.float64]
     """Mean reward, ``(P, E)``; NaN where the automaton's state turned non-finite."""
     success: NDArray[np.bool_]
     crossed: NDArray[np.bool_]
     closest: NDArray[np.float64]
-    """``(P, E, D)``: to the light, or to the ball and of that to the target."""
+    """``(P, E, D)``: robot to light, or robot to ball and ball to target."""
 
 
 class Workspace(NamedTuple):
-    """What the physics of one robot at a time needs; threads must not share one."""
+    """Buffers for the physics of one robot at a time; threads must not share them."""
 
     robots: Robots
-    """Of one."""
+    """One robot's records."""
     scratch: Scratch
     states: NDArray[State]
-    """Of all its episodes."""
+    """States of all episodes."""
 
 
 def make_outcomes(population: int, episodes: int, distances: int) -> Outcomes:
-    """Outcomes of episodes that have not begun."""
+    """Return the outcomes of episodes that have not begun."""
     return Outcomes(
         np.zeros((population, episodes)),
         np.zeros((population, episodes), dtype=np.bool_),
@@ -106,7 +106,7 @@ def make_outcomes(population: int, episodes: int, distances: int) -> Outcomes:
 
 
 def make_workspace(grid_size: int, episodes: int) -> Workspace:
-    """A new workspace for bodies of that grid size in so many episodes."""
+    """Return a new workspace for bodies of ``grid_size`` in ``episodes`` episodes."""
     return Workspace(make_robots(1, grid_size), make_scratch(grid_size), records(State, episodes))
 
 
@@ -118,14 +118,14 @@ def grow_population(
     genomes: IntArray,
     grown: Grown,
 ) -> None:
-    """Grow the bodies of some genomes.
+    """Grow the bodies of the chosen genomes.
 
     Args:
-        networks: weights for growth, shape ``(P, ...)``.
-        part_codes: cell code of each part channel.
-        steps: number of growth steps.
-        genomes: which genomes to grow.
-        grown: output.
+        networks: Weights for growth, shape ``(P, ...)``.
+        part_codes: Cell code of each part channel.
+        steps: Number of growth steps.
+        genomes: Indices of the genomes to grow.
+        grown: Output.
     """
     for genome in genomes:
         network = network_of(networks, genome)
@@ -140,14 +140,14 @@ def roll_out_population(
     outcomes: Outcomes,
     tapes: Tapes | None,
 ) -> None:
-    """Drive the robots of some genomes through their episodes.
+    """Drive the robots of the chosen genomes through their episodes.
 
     Args:
-        rollout: what to roll out.
-        workspace: this call's own.
-        genomes: which genomes to roll out; their bodies are valid.
-        outcomes: output.
-        tapes: output of every step, or None.
+        rollout: Inputs of the rollout.
+        workspace: Workspace of this call alone.
+        genomes: Indices of the genomes to roll out, whose bodies are valid.
+        outcomes: Output.
+        tapes: Output, the record of every step; None for no record.
     """
     for genome in genomes:
         _roll_out_genome(rollout, workspace, genome, outcomes, tapes)
@@ -161,7 +161,7 @@ def _roll_out_genome(
     outcomes: Outcomes,
     tapes: Tapes | None,
 ) -> None:
-    """All episodes of one genome in step; arguments as above."""
+    """Drive one genome's robot through its episodes, side by side; arguments as above."""
     body = rollout.bodies[genome]
     network = network_of(rollout.networks, genome)
     fitness = outcomes.episode_fitness[genome]
@@ -186,7 +186,7 @@ def _roll_out_genome(
     fixed = FIRST_PART_CHANNEL + rollout.part_codes.shape[0]
     graph = link_cells(body, fixed + CHANGING_CHANNELS, fixed)
     constants = control_constants(network, rollout.part_codes, body)
-    numbers = cell_numbers(body)
+    indices = cell_indices(body)
     tiled = -(-episodes // EPISODE_TILE) * EPISODE_TILE
     current = np.zeros((graph.start.shape[0] - 1, tiled, CONTROL_LANES), dtype=np.float32)
     updated = np.zeros_like(current)
@@ -194,11 +194,11 @@ def _roll_out_genome(
     wheels = robots.wheels[0, : robots.robots[0].wheel_count]
     for step in range(1, rollout.steps + 1):
         for _ in range(STEPS_PER_ACTION):
-            _write_sensors(sensors, numbers, observations, current)
+            _write_sensors(sensors, indices, observations, current)
             control_step(network, constants, graph, current, updated)
             current, updated = updated, current
         for episode in range(episodes):
-            if not _read_wheels(wheels, numbers, current, episode, actions[episode]):
+            if not _read_wheels(wheels, indices, current, episode, actions[episode]):
                 fitness[episode] = np.nan
             if np.isfinite(fitness[episode]):
                 world = world_at(worlds, 0, episode)
@@ -211,7 +211,7 @@ def _roll_out_genome(
                     record_action(tapes, entry, actions[episode], reward)
                     record_poses(tapes, entry, world.robot, states[episode], observations[episode])
     if tapes is not None:
-        record_states(tapes, genome, numbers, current)
+        record_states(tapes, genome, indices, current)
     for episode in range(episodes):
         fitness[episode] /= rollout.steps
         if not _is_finite(current, episode):
@@ -226,37 +226,37 @@ def _roll_out_genome(
 
 
 @kernel
-def cell_numbers(body: NDArray[np.int8]) -> IntArray:
-    """For each place of the flat grid, the number of its cell among the occupied ones, or -1."""
-    numbers = np.full(body.size, -1, dtype=np.int64)
+def cell_indices(body: NDArray[np.int8]) -> IntArray:
+    """Return each place's index among the occupied cells, or -1; the grid is flat."""
+    indices = np.full(body.size, -1, dtype=np.int64)
     cells = 0
     for place in range(body.size):
         if body.flat[place] != _EMPTY:
-            numbers[place] = cells
+            indices[place] = cells
             cells += 1
-    return numbers
+    return indices
 
 
 @kernel
 def _write_sensors(
-    sensors: NDArray[Sensor], numbers: IntArray, observations: FloatArray, states: FloatArray
+    sensors: NDArray[Sensor], indices: IntArray, observations: FloatArray, states: FloatArray
 ) -> None:
     """Overwrite the input/output channel of sensor cells with the sensor values."""
     for i in range(len(sensors)):
         place = sensors[i].place
         for episode in range(observations.shape[0]):
-            states[numbers[place], episode, IO_LANE] = observations[episode, place]
+            states[indices[place], episode, IO_LANE] = observations[episode, place]
 
 
 @kernel
 def _read_wheels(
-    wheels: NDArray[Wheel], numbers: IntArray, states: FloatArray, episode: int, action: FloatArray
+    wheels: NDArray[Wheel], indices: IntArray, states: FloatArray, episode: int, action: FloatArray
 ) -> bool:
-    """Read the wheels' gas into ``action``; returns whether all of it is finite."""
+    """Read the wheels' gas into ``action`` and return True if all of it is finite."""
     finite = True
     for i in range(len(wheels)):
         place = wheels[i].place
-        gas = states[numbers[place], episode, IO_LANE]
+        gas = states[indices[place], episode, IO_LANE]
         action[place] = gas
         finite = finite and np.isfinite(gas)
     return finite
@@ -264,7 +264,7 @@ def _read_wheels(
 
 @kernel
 def _is_finite(states: FloatArray, episode: int) -> bool:
-    """Whether the states of one episode are finite; a NaN stays in its cell until the end."""
+    """Return True if an episode's states are finite; a NaN stays in its cell until the end."""
     for cell in range(states.shape[0]):
         for lane in range(CONTROL_LANES):
             if not np.isfinite(states[cell, episode, lane]):

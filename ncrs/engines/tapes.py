@@ -1,4 +1,4 @@
-"""A recorder for the batched engine's rollout: what every step of every episode was."""
+"""Recorder of every step of the batched engine's rollout."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOT_YET = -1
 
 
 class Tapes(NamedTuple):
-    """What is written down of P robots in E episodes; the first of T + 1 entries is the start."""
+    """Records of P robots in E episodes; the first of T + 1 entries is the start."""
 
     poses: NDArray[np.float64]
     """Centre x, y and angle, ``(P, E, T + 1, 3)``."""
@@ -25,17 +25,17 @@ class Tapes(NamedTuple):
     sensors: NDArray[np.float32]
     """``(P, E, T + 1, n * n)``."""
     gas: NDArray[np.float32]
-    """What led to each entry, not clipped, ``(P, E, T + 1, n * n)``."""
+    """Gas that led to each entry, not clipped, ``(P, E, T + 1, n * n)``."""
     rewards: NDArray[np.float64]
     """``(P, E, T + 1)``."""
     success_steps: IntArray
-    """The step of the first success, or -1; ``(P, E)``."""
+    """Step of the first success, or -1; ``(P, E)``."""
     changing: NDArray[np.float32]
     """Hidden and input/output channels after the last step, ``(P, E, n * n, 7)``."""
 
 
 class Entry(NamedTuple):
-    """Where an entry belongs."""
+    """Indices of an entry."""
 
     genome: int
     episode: int
@@ -43,7 +43,7 @@ class Entry(NamedTuple):
 
 
 def make_tapes(robots: int, episodes: int, steps: int, places: int) -> Tapes:
-    """Empty tapes for grids of ``places`` cells."""
+    """Return empty tapes for grids of ``places`` cells."""
     shape = (robots, episodes, steps + 1)
     return Tapes(
         poses=np.zeros((*shape, 3)),
@@ -60,7 +60,7 @@ def make_tapes(robots: int, episodes: int, steps: int, places: int) -> Tapes:
 def record_poses(
     tapes: Tapes, entry: Entry, robot: Robot, state: State, observation: FloatArray
 ) -> None:
-    """Write down poses, sensor values and success after a step."""
+    """Record poses, sensor values and success after a step."""
     genome, episode, step = entry
     pose = tapes.poses[genome, episode, step]
     pose[0], pose[1] = grid_center(robot, state)
@@ -74,25 +74,25 @@ def record_poses(
 
 @kernel
 def record_action(tapes: Tapes, entry: Entry, action: FloatArray, reward: float) -> None:
-    """Write down the gas that led to an entry, and its reward."""
+    """Record the gas that led to an entry, and its reward."""
     genome, episode, step = entry
     tapes.gas[genome, episode, step] = action
     tapes.rewards[genome, episode, step] = reward
 
 
 @kernel
-def record_states(tapes: Tapes, genome: int, numbers: IntArray, states: FloatArray) -> None:
-    """Write down the automaton's states at the end of all episodes.
+def record_states(tapes: Tapes, genome: int, indices: IntArray, states: FloatArray) -> None:
+    """Record the automaton's states at the end of all episodes.
 
     Args:
-        tapes: the tapes.
-        genome: the robot's index.
-        numbers: see ``rollout_kernels.cell_numbers``.
-        states: ``[occupied cell][episode][CONTROL_LANES]``.
+        tapes: Output.
+        genome: Index of the genome.
+        indices: Indices of occupied cells, from ``rollout_kernels.cell_indices``.
+        states: Last states, ``(occupied cells, episodes, CONTROL_LANES)``.
     """
-    for place in range(len(numbers)):
-        if numbers[place] < 0:
+    for place in range(len(indices)):
+        if indices[place] < 0:
             continue
         for episode in range(tapes.changing.shape[1]):
-            cell = states[numbers[place], episode]
+            cell = states[indices[place], episode]
             tapes.changing[genome, episode, place] = cell[:CHANGING_CHANNELS]

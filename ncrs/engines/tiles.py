@@ -2,8 +2,8 @@
 
 A tile is ``rows x lanes`` float32 values, each row one vector of ``lanes``. Matrix products are
 sums of rank-one updates of a tile, the usual inner loop of fast matrix products: one vector of
-weights is loaded and used in every row. LLVM splits the vectors to fit the processor. numba's own
-loop vectorisation of the same products was measured at a sixth of the speed.
+weights is loaded once and used in every row. LLVM splits the vectors to fit the processor. The loop
+vectorisation of numba itself reached a sixth of the speed for the same products.
 
 Products and sums may fuse (``contract``) but are never reordered, and NaN is never assumed away:
 a NaN anywhere in the inputs of a value makes that value NaN.
@@ -29,7 +29,7 @@ _INDEX = ir.IntType(32)
 
 
 class TileType(types.Type):
-    """numba's type of a tile with ``rows`` vectors of ``lanes`` float32 values."""
+    """numba type of a tile with ``rows`` vectors of ``lanes`` float32 values."""
 
     def __init__(self, rows: int, lanes: int) -> None:
         self.rows = rows
@@ -45,7 +45,7 @@ class _TileModel(models.PrimitiveModel):
 
 
 class _Array:
-    """Loads from and stores to one array argument while code is generated."""
+    """Generator of loads from and stores to one array argument."""
 
     def __init__(self, context, builder, array_type, value) -> None:
         self._builder = builder
@@ -59,7 +59,7 @@ class _Array:
         return self._builder.load(self._pointer(offset, lanes), align=_ELEMENT_BYTES)
 
     def load_spread(self, offset, lanes: int):
-        """One element in every lane."""
+        """Load one element into every lane."""
         value = self._builder.load(self._builder.gep(self._data, [offset]), align=_ELEMENT_BYTES)
         return _spread(self._builder, value, lanes)
 
@@ -76,7 +76,7 @@ def _spread(builder, value, lanes: int):
 
 
 def _build_tile(context, builder, tile: TileType, row_of):
-    """A tile whose row ``r`` is ``row_of(r)``."""
+    """Build a tile whose row ``r`` is ``row_of(r)``."""
     value = ir.Constant(context.get_value_type(tile), ir.Undefined)
     for row in range(tile.rows):
         value = builder.insert_value(value, row_of(row), row)
@@ -92,7 +92,7 @@ def _row_offsets(builder, first, stride, rows: int):
 
 @intrinsic(prefer_literal=True)
 def repeat_row(typing_context, rows, lanes, array, offset):
-    """A tile whose rows all equal ``array[offset : offset + lanes]``; the sizes are constants."""
+    """Return a tile with rows ``array[offset : offset + lanes]``; the sizes are constants."""
     tile = TileType(rows.literal_value, lanes.literal_value)
 
     def generate(context, builder, signature, arguments):
@@ -103,8 +103,10 @@ def repeat_row(typing_context, rows, lanes, array, offset):
 
 
 @intrinsic
-def add_outer_product(typing_context, tile, weights, start, inputs, first, stride):
-    """``tile[r, l] + weights[start + l] * inputs[first + r * stride]``."""
+def add_outer_product(  # noqa: PLR0913 - the operands of one instruction
+    typing_context, tile, weights, start, inputs, first, stride
+):
+    """Return ``tile[r, l] + weights[start + l] * inputs[first + r * stride]`` as a tile."""
 
     def generate(context, builder, signature, arguments):
         value, weight_array, start_value, input_array, first_value, stride_value = arguments
@@ -141,7 +143,9 @@ def store_rectified(typing_context, tile, array, first, stride):
 
 
 @intrinsic
-def store_clipped_sum(typing_context, tile, limit, inputs, outputs, first, stride):
+def store_clipped_sum(  # noqa: PLR0913 - the operands of one instruction
+    typing_context, tile, limit, inputs, outputs, first, stride
+):
     """Write ``clip(inputs + tile, -limit, limit)`` to ``outputs``; NaN stays NaN.
 
     Row ``r`` reads and writes at ``first + r * stride``.

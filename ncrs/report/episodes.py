@@ -27,7 +27,7 @@ from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 _JOBS = 16
-"""Parts that robots are handed to threads in."""
+"""Number of parts in which robots are handed to threads."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Episodes:
     gas: NDArray[np.float32]
     """Gas in wheel cells, -1 to 1, that led to this entry; ``(P, E, T + 1, n, n)``, 0 at first."""
     rewards: NDArray[np.float64]
-    """Of the step that led to this entry; ``(P, E, T + 1)``, 0 at first."""
+    """Reward of the step that led to this entry; ``(P, E, T + 1)``, 0 at first."""
     success_steps: NDArray[np.int64]
-    """The step at which the episode succeeded, or -1; ``(P, E)``."""
+    """Step at which the episode succeeded, or -1; ``(P, E)``."""
     control_states: NDArray[np.float32]
     """All channels after the last step, ``(P, E, n, n, C)``."""
 
@@ -61,21 +61,19 @@ def record_episodes(
     scenarios: Sequence[Scenario],
     settings: TaskSettings,
     *,
-    steps: int = MAX_EPISODE_STEPS,
     workers: int | None = None,
 ) -> Episodes:
     """Drive every robot through the same scenarios.
 
     Args:
-        genomes: ``(P, num_parameters)``.
-        bodies: valid cell codes, ``(P, n, n)``.
+        genomes: Genomes, ``(P, num_parameters)``.
+        bodies: Valid cell codes, ``(P, n, n)``.
         scenarios: E placements that fit the task.
-        settings: the task.
-        steps: length T of an episode.
-        workers: threads; None for one per processor. Results do not depend on it.
+        settings: Task settings.
+        workers: Number of threads; None for one per core. Results do not depend on it.
 
     Raises:
-        ReportError: a robot's automaton turns non-finite.
+        ReportError: A robot's automaton turns non-finite.
     """
     count, number, n = len(bodies), len(scenarios), settings.grid_size
     layout = nca_layout(settings.task)
@@ -87,15 +85,15 @@ def record_episodes(
         bodies=bodies,
         settings=settings_record(settings),
         scenarios=Scenarios(table.scenarios[None], table.quads[None]),
-        steps=steps,
+        steps=MAX_EPISODE_STEPS,
     )
     outcomes = make_outcomes(count, number, settings.task.distances)
-    tapes = make_tapes(count, number, steps, n * n)
+    tapes = make_tapes(count, number, MAX_EPISODE_STEPS, n * n)
 
     def record(chosen: NDArray[np.int64]) -> None:
         roll_out_population(rollout, make_workspace(n, number), chosen, outcomes, tapes)
 
-    record(np.arange(0))  # compiles, or loads what is on disk, before threads ask for it
+    record(np.arange(0))  # compiles, or loads from disk, before threads need it
     workers = available_cores() if workers is None else workers
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(record, np.array_split(np.arange(count), min(count, _JOBS))))
@@ -105,7 +103,7 @@ def record_episodes(
             f"Episodes cannot be recorded: the automaton of robots {lost.tolist()} turns "
             "non-finite; their weights are too large."
         )
-    grid = (count, number, steps + 1, n, n)
+    grid = (count, number, MAX_EPISODE_STEPS + 1, n, n)
     return Episodes(
         poses=tapes.poses,
         balls=tapes.balls,
@@ -122,7 +120,7 @@ def record_episodes(
 def _control_states(
     changing: NDArray[np.float32], bodies: BodyGrid, layout: NCALayout
 ) -> NDArray[np.float32]:
-    """All channels in control, the fixed ones among them: ``(P, E, n, n, C)``."""
+    """Return the states of all channels in control, fixed ones too: ``(P, E, n, n, C)``."""
     states = np.zeros((*changing.shape[:-1], layout.channels), dtype=np.float32)
     states[..., layout.changing_channels] = changing
     states[..., BODY_CHANNEL] = (bodies != Cell.EMPTY)[:, None]

@@ -1,12 +1,13 @@
-"""How the batched simulator's kernels are compiled: one set of numba options for all of them.
+"""Compilation of the batched simulator's kernels, with one set of numba options for all.
 
 Without ``fastmath`` nothing is reassociated; ``error_model="numpy"`` leaves no exceptions in the
 kernels; ``nogil`` lets callers run them in threads of their own. Each episode is computed by one
 thread from its own arrays alone, so results do not depend on the number of threads.
 
-Compiled kernels are kept on disk. numba itself would notice only changes in a kernel's own file and
-go on using old code when a kernel or a constant in another file has changed; here a kept kernel
-counts only for the very sources, of all first-party modules behind it, that it was compiled from.
+Compiled kernels are cached on disk. numba's own cache checks only the file that a kernel stands in,
+and would keep old code in use after a kernel or a constant in another file has changed. Here a
+cached kernel is valid only for the sources, of all first-party modules behind it, that it was
+compiled from.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _FIRST_PARTY_IMPORT = re.compile(r"^from (ncrs\w*[\w.]*) import", re.MULTILINE)
 
 
 def source_digest(module: str) -> str:
-    """Digest of the sources of a first-party module and of all that it imports, however deep."""
+    """Return a digest of the sources of a first-party module and its imports, at any depth."""
     sources: dict[str, str] = {}
     pending = [module]
     while pending:
@@ -43,7 +44,7 @@ def source_digest(module: str) -> str:
 
 
 class _SourceKeyedCache(FunctionCache):  # type: ignore[misc] # numba has no types
-    """numba's disk cache, whose entries count for one state of the sources only."""
+    """numba's disk cache, whose entries are valid for one state of the sources only."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
@@ -54,7 +55,7 @@ class _SourceKeyedCache(FunctionCache):  # type: ignore[misc] # numba has no typ
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function of scalars and arrays at its first call, and keep it on disk."""
+    """Compile a function of scalars, arrays and records at its first call, and cache it on disk."""
     compiled = numba.njit(nogil=True, error_model="numpy")(function)
     compiled._cache = _SourceKeyedCache(function)  # what numba's own enable_caching() sets
     return cast(Function, compiled)

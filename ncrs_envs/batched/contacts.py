@@ -1,9 +1,9 @@
-"""Motion of robot and ball over one step with what they run into.
+"""Motion of robot and ball over one step, with contacts.
 
 The scheme is Box2D's. Contacts at the start of the step change the velocities and then correct
-overlaps. Where the move meets the light or a wall it is cut: the robot is put there, its velocities
-are solved again, and the rest of the step goes on from there. The ball and the robot, both moving,
-meet only in steps' beginnings.
+overlaps. Where the move meets the light or a wall it is cut: the robot is placed there, its
+velocities are solved again, and the rest of the step continues from there. The ball and the robot
+both move; contacts between them are found only at the start of a step.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from ncrs_envs.batched.manifolds import (
 )
 from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, MAX_TRANSLATION
 
-_AFTER_MOVE = Correction(share=0.2, sweeps=60, tolerated=3.0 * LINEAR_SLOP)
-_AT_IMPACT = Correction(share=0.75, sweeps=20, tolerated=1.5 * LINEAR_SLOP)
+_AFTER_MOVE = Correction(fraction=0.2, sweeps=60, tolerated=3.0 * LINEAR_SLOP)
+_AT_IMPACT = Correction(fraction=0.75, sweeps=20, tolerated=1.5 * LINEAR_SLOP)
 _MAX_IMPACTS = 8
-"""Impacts solved in one step; at one more the robot stays where it is until the next step."""
+"""Maximum number of impacts in one step; after one more the robot stops until the next step."""
 
 
 @kernel
 def _clearance(world: World, state: State) -> float:
-    """A lower bound on how far the robot can move before it touches the light or a wall."""
+    """Return a lower bound on the robot's distance from the light and the walls."""
     x = state.x
     y = state.y
     from_x = world.scenario.goal_x - x
@@ -49,7 +49,7 @@ def _clearance(world: World, state: State) -> float:
 
 @kernel
 def _is_free(world: World, state: State) -> bool:
-    """Whether the robot touches nothing and, at its present velocity, cannot in this step."""
+    """Return True if the robot touches nothing and, at its velocity, cannot do so in this step."""
     if world.settings.has_ball:
         reach = world.robot.radius + BALL_RADIUS + SKIN
         x = state.ball_x - state.x
@@ -66,8 +66,10 @@ def _is_free(world: World, state: State) -> bool:
 
 @kernel
 def move_with_contacts(world: World, state: State) -> None:
-    """Move robot and ball for one step; the velocities already hold the wheels' and the drag's
-    part."""
+    """Move robot and ball for one step.
+
+    The velocities already include the effects of wheels and drag.
+    """
     has_ball = world.settings.has_ball
     state.touched = False
     if _is_free(world, state):
@@ -98,8 +100,8 @@ def move_with_contacts(world: World, state: State) -> None:
 
 @kernel
 def _stop_at_impacts(world: World, near: tuple[int, int], state: State, start: Pose) -> None:
-    """Cut the robot's move from ``start`` where it meets something static, and continue."""
-    left = 1.0
+    """Cut the robot's move from ``start`` where it meets the light or a wall, and continue."""
+    remaining = 1.0
     for impact in range(_MAX_IMPACTS + 1):
         last = impact == _MAX_IMPACTS
         time = time_of_impact(world, near, start, state, last)
@@ -108,7 +110,7 @@ def _stop_at_impacts(world: World, near: tuple[int, int], state: State, start: P
         state.x = start.x + time * (state.x - start.x)
         state.y = start.y + time * (state.y - start.y)
         turn_to(state, start.angle + time * (state.angle - start.angle))
-        left *= 1.0 - time
+        remaining *= 1.0 - time
         contacts = world.contacts[: find_contacts(world, near, state)]
         state.touched = True
         correct_positions(world.robot, state, contacts, _AT_IMPACT)
@@ -116,4 +118,4 @@ def _stop_at_impacts(world: World, near: tuple[int, int], state: State, start: P
         if last:
             return
         start = Pose(state.x, state.y, state.angle)
-        move_robot(state, left * DT)
+        move_robot(state, remaining * DT)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
 
-    class _Base(np.generic):  # numpy declares that np.record has any attribute one asks for
+    class _Base(np.generic):  # numpy declares np.record as having every attribute
         def __new__(cls) -> _Base: ...
 
 else:
@@ -36,7 +36,7 @@ _SCALARS: dict[Any, type[np.generic]] = {float: np.float64, int: np.int64, bool:
 class Record(_Base):
     """Base of the classes that declare records; instances are items of arrays of ``dtype_of``.
 
-    Fields are ``float``, ``int`` or ``bool``, or arrays of a fixed shape:
+    Fields are ``float``, ``int``, ``bool`` or arrays of a fixed shape:
     ``Annotated[NDArray[kind], shape]``, where the kind is a numpy scalar or a record.
     """
 
@@ -46,14 +46,14 @@ RecordType = TypeVar("RecordType", bound=Record)
 
 @cache
 def dtype_of(kind: Any) -> np.dtype[Any]:
-    """The structured dtype that a record class declares, aligned as a C compiler would."""
+    """Return the structured dtype that a record class declares, aligned as in C."""
     hints = get_type_hints(kind, include_extras=True)
     fields: list[Any] = [(name, *_field(hint)) for name, hint in hints.items()]
     return np.dtype((kind, np.dtype(fields, align=True)))
 
 
 def _field(hint: Any) -> tuple[Any, ...]:
-    """The dtype of a field, and its shape if it is an array."""
+    """Return the dtype of a field, and its shape if it is an array."""
     if get_origin(hint) is Annotated:
         array, shape = get_args(hint)
         (item,) = get_args(get_args(array)[1])
@@ -62,11 +62,11 @@ def _field(hint: Any) -> tuple[Any, ...]:
 
 
 def records(kind: type[RecordType], *shape: int) -> NDArray[RecordType]:
-    """A new array of records whose fields are all 0."""
+    """Return a new array of records whose fields are all 0."""
     dtype: np.dtype[RecordType] = dtype_of(kind)  # type: ignore[arg-type] # it is hashable
     return np.zeros(shape, dtype)
 
 
 def column(array: NDArray[Any], field: str) -> NDArray[Any]:
-    """A copy of one field of all records."""
+    """Return a copy of one field of all records."""
     return np.array(array[field])

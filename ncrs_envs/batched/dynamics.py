@@ -34,9 +34,9 @@ def apply_wheels(world: World, state: State, action: NDArray[np.floating]) -> No
     """Change the robot's velocities by the wheels' thrust and friction over one step.
 
     Args:
-        world: the episode's world.
-        state: the episode's state; its velocities are changed.
-        action: gas per cell, flat, shape ``(n * n,)``; clipped to [-1, 1].
+        world: The episode's world.
+        state: The episode's state, whose velocities are changed.
+        action: Gas per cell, shape ``(n * n,)``; clipped to [-1, 1].
     """
     cos = state.cos
     sin = state.sin
@@ -67,7 +67,7 @@ def apply_drag(state: State) -> None:
 
 @kernel
 def limit_speeds(state: State) -> None:
-    """Scale the robot's and the ball's velocities down to what a step may move them."""
+    """Limit the robot's and the ball's velocities to the maximum move per step."""
     squared = state.vx * state.vx + state.vy * state.vy
     if squared > _MAX_SPEED * _MAX_SPEED:
         ratio = _MAX_SPEED / math.sqrt(squared)
@@ -106,7 +106,7 @@ def move_ball(state: State) -> None:
 
 @kernel
 def grid_center(robot: Robot, state: State) -> tuple[float, float]:
-    """Position of the grid's centre, the pose that tasks and users see."""
+    """Return the position of the grid's centre, which tasks and users see as the robot's."""
     cos = state.cos
     sin = state.sin
     x = state.x - (cos * robot.center_x - sin * robot.center_y)

@@ -20,12 +20,12 @@ from ncrs_envs.batched.simulate import reset_episode, step_episode, world_at
 from ncrs_envs.cores import available_cores
 from ncrs_envs.tasks import TaskSettings
 
-_MIN_SHARE = 64
-"""Episodes that are worth handing to another thread."""
+_MIN_CHUNK = 64
+"""Minimum number of episodes per thread; fewer are not worth handing over."""
 
 
 class Reading(Record):
-    """Pose of the grid's centre and distances of one episode."""
+    """Pose of the grid's centre, and distances, in one episode."""
 
     x: float
     y: float
@@ -35,7 +35,7 @@ class Reading(Record):
 
 
 class _Episodes(NamedTuple):
-    """What changes in steps, the first axis of every array an episode."""
+    """Arrays that steps change; their first axis is the episodes."""
 
     states: NDArray[State]
     observations: NDArray[np.float32]
@@ -43,7 +43,7 @@ class _Episodes(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """One step of all episodes: what goes in, and the rewards that come out."""
+    """Inputs of one step of all episodes, and its rewards as output."""
 
     actions: NDArray[np.float32]
     is_running: NDArray[np.bool_]
@@ -83,14 +83,14 @@ class EpisodeBatch:
     """Robots, scenarios and states of ``count`` episodes.
 
     Args:
-        settings: the task and its settings.
-        count: number of episodes.
-        threads: maximum number of threads to step them on; None for one per core that this process
-            may use. Results do not depend on it.
+        settings: The task and its settings.
+        count: Number of episodes.
+        threads: Maximum number of threads; None for one per core that this process may use.
+            Results do not depend on it.
 
     Attributes:
-        scenarios: the scenario of each episode.
-        observations: sensor values after the last step, float32 ``(count, n * n)``.
+        scenarios: Scenarios of the episodes.
+        observations: Sensor values after the last step, float32 ``(count, n * n)``.
     """
 
     def __init__(self, settings: TaskSettings, count: int, threads: int | None) -> None:
@@ -105,27 +105,27 @@ class EpisodeBatch:
             records(State, count), self.observations, records(Reading, count)
         )
         threads = available_cores() if threads is None else threads
-        shares = max(1, min(threads, count // _MIN_SHARE))
-        self._bounds = np.linspace(0, count, shares + 1).astype(int).tolist()
-        self._scratch = [make_scratch(n) for _ in range(shares)]
-        self._pool = ThreadPoolExecutor(shares - 1, "ncrs-envs") if shares > 1 else None
+        chunks = max(1, min(threads, count // _MIN_CHUNK))
+        self._bounds = np.linspace(0, count, chunks + 1).astype(int).tolist()
+        self._scratch = [make_scratch(n) for _ in range(chunks)]
+        self._pool = ThreadPoolExecutor(chunks - 1, "ncrs-envs") if chunks > 1 else None
 
-    def _worlds(self, share: int) -> Worlds:
-        return Worlds(self._settings, self._robots, self.scenarios.records, self._scratch[share])
+    def _worlds(self, chunk: int) -> Worlds:
+        return Worlds(self._settings, self._robots, self.scenarios.records, self._scratch[chunk])
 
     def set_bodies(self, episodes: Indices, bodies: NDArray[np.int8]) -> None:
-        """Give episodes their robots.
+        """Set the robots of episodes.
 
         Args:
-            episodes: which episodes.
-            bodies: valid cell codes, shape ``(len(episodes), n, n)``, or ``(1, n, n)`` if all are
-                alike.
+            episodes: Indices of the episodes.
+            bodies: Valid cell codes, shape ``(len(episodes), n, n)``, or ``(1, n, n)`` for the
+                same body in all of them.
         """
         for array, chosen in zip(self._robots, robot_records(bodies), strict=True):
             array[episodes] = chosen
 
     def start(self, episodes: Indices) -> None:
-        """Begin new episodes with the scenarios that the table holds for them."""
+        """Start new episodes in the scenarios that the table holds for them."""
         _start_episodes(self._worlds(0), self._episodes, episodes)
 
     def step(
@@ -134,23 +134,23 @@ class EpisodeBatch:
         """Advance episodes by one step.
 
         Args:
-            actions: finite gas per cell, shape ``(count, n * n)``.
-            is_running: which episodes to advance, shape ``(count,)``; the others stay as they are.
+            actions: Finite gas per cell, shape ``(count, n * n)``.
+            is_running: Mask of the episodes to advance, shape ``(count,)``.
 
         Returns:
-            Rewards, shape ``(count,)``, 0 for the others.
+            Rewards, shape ``(count,)``; 0 for episodes that are not advanced.
         """
         step = _Step(actions, is_running, np.empty(self.count))
 
-        def work(share: int) -> None:
-            first, last = self._bounds[share], self._bounds[share + 1]
-            _step_episodes(self._worlds(share), self._episodes, step, first, last)
+        def work(chunk: int) -> None:
+            first, last = self._bounds[chunk], self._bounds[chunk + 1]
+            _step_episodes(self._worlds(chunk), self._episodes, step, first, last)
 
         self._spread(work)
         return step.rewards
 
     def _spread(self, work: Callable[[int], None]) -> None:
-        """Call ``work`` for each share of the episodes, the first of them on this thread."""
+        """Call ``work`` for each chunk of the episodes, the first one on this thread."""
         others = range(1, len(self._bounds) - 1)
         futures = [] if self._pool is None else [self._pool.submit(work, i) for i in others]
         work(0)
@@ -164,17 +164,17 @@ class EpisodeBatch:
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """Grid centres and headings: x, y, angle in radians, shape ``(count, 3)``, a copy."""
+        """Poses of the grids' centres: x, y, angle in radians, shape ``(count, 3)``, a copy."""
         readings = self._episodes.readings
         return np.stack([column(readings, name) for name in ("x", "y", "angle")], axis=1)
 
     @property
     def success(self) -> NDArray[np.bool_]:
-        """Which episodes have succeeded, shape ``(count,)``, a copy."""
+        """True for episodes that have succeeded, shape ``(count,)``, a copy."""
         return column(self._episodes.states, "success")
 
     def infos(self) -> dict[str, NDArray[Any]]:
-        """What changes in the single environments' infos, batched; new arrays."""
+        """Return the entries of the environments' infos that steps change, as new arrays."""
         infos: dict[str, NDArray[Any]] = {"pose": self.poses, "success": self.success}
         to_goal = column(self._episodes.readings, "to_goal")
         if self._task.has_ball:
@@ -187,6 +187,6 @@ class EpisodeBatch:
         return infos
 
     def ball(self, episode: int) -> tuple[float, float]:
-        """Where an episode's ball is."""
+        """Return the position of an episode's ball."""
         state: State = self._episodes.states[episode]
         return float(state.ball_x), float(state.ball_y)

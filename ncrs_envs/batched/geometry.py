@@ -1,8 +1,8 @@
 """Separation of one cell from a wall quad or a circle, in the frame of the cell.
 
 In that frame the cell is the square from -1 to 1 on both axes (``HALF_CELL``), which makes its
-faces axis-aligned. Quads are convex, with 3 or 4 corners counter-clockwise. Separations are those
-of the shapes' cores, without skins; they are negative in overlap.
+faces axis-aligned. Quads are convex, with 3 or 4 corners counter-clockwise. Separations are between
+the shapes' cores, without skins, and negative in overlap.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def quad_to_cell_frame(quad: Quad, frame: Frame, points: NDArray[Point]) -> int:
 
 @kernel
 def edge_of_quad(points: NDArray[Point], edge: int) -> tuple[float, float, float, float]:
-    """Both ends of an edge: ``(x, y)`` of its first and of its second corner."""
+    """Return both ends of an edge: x and y of its first corner, then of its second."""
     begin: Point = points[edge]
     end: Point = points[edge + 1 if edge + 1 < len(points) else 0]
     return begin.x, begin.y, end.x, end.y
@@ -55,7 +55,7 @@ def edge_of_quad(points: NDArray[Point], edge: int) -> tuple[float, float, float
 
 @kernel
 def face_of_cell(face: int) -> tuple[float, float]:
-    """Outward normal of a face of the cell: right, top, left, bottom."""
+    """Return the outward normal of a face of the cell: right, top, left, bottom."""
     if face == 0:
         return 1.0, 0.0
     if face == 1:
@@ -67,7 +67,7 @@ def face_of_cell(face: int) -> tuple[float, float]:
 
 @kernel
 def separation_along_quad(quad: Quad, frame: Frame) -> Separation:
-    """The largest separation of a cell along a normal of the quad's edges."""
+    """Return the maximum separation of a cell along a normal of the quad's edges."""
     best = -math.inf
     best_x = 0.0
     best_y = 0.0
@@ -90,7 +90,7 @@ def separation_along_quad(quad: Quad, frame: Frame) -> Separation:
 
 @kernel
 def separation_along_cell(points: NDArray[Point]) -> Separation:
-    """The largest separation along a normal of the cell's faces."""
+    """Return the maximum separation along a normal of the cell's faces."""
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
     for i in range(len(points)):
@@ -116,9 +116,9 @@ def separation_along_cell(points: NDArray[Point]) -> Separation:
 
 @kernel
 def separation_from_point(x: float, y: float) -> tuple[float, float, float]:
-    """Distance of the cell from a point in its frame, and its direction towards the cell.
+    """Return the distance of the cell from a point in its frame, and the direction to the cell.
 
-    A point inside gives minus the depth and the normal of the nearest face.
+    For a point inside, they are minus the depth and the normal of the nearest face.
     """
     beyond_x = abs(x) - HALF_CELL
     beyond_y = abs(y) - HALF_CELL

@@ -1,6 +1,6 @@
-"""The first time in a step at which the robot meets the light or a wall, along separating axes.
+"""First time in a step at which the robot meets the light or a wall, along separating axes.
 
-Static things are solid to a robot of any speed: the step is cut where it first touches one.
+Light and walls are solid to a robot of any speed: the step is cut where it first touches one.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ncrs_envs.batched.manifolds import LINEAR_SLOP, SKIN, distance_from_quad
 from ncrs_envs.physics import LIGHT_RADIUS
 
 _LIGHT = -1
-"""In place of a quad's index."""
+"""Stands for the light in place of a quad's index."""
 _NO_FACE = -1
 
 # Box2D stops bodies where their skins overlap by three slops, and calls it a touch slightly before.
@@ -35,7 +35,7 @@ _HALF_DIAGONAL = HALF_CELL * 2.0**0.5
 
 
 class Pose(NamedTuple):
-    """Centre of mass and angle, or how far they move."""
+    """Centre of mass and angle, or their change in a move."""
 
     x: float
     y: float
@@ -48,11 +48,11 @@ class _Sweep(NamedTuple):
     start: Pose
     move: Pose
     ignore_touching: bool
-    """Leave out what touches at the start already."""
+    """True to ignore shapes that touch at the start already."""
 
 
 class _Axis(NamedTuple):
-    """A separating axis: a face of the cell, or a world direction to the cell."""
+    """A separating axis: a face of the cell, or a direction in the world towards the cell."""
 
     face: int
     """``_NO_FACE`` for a world direction."""
@@ -62,7 +62,7 @@ class _Axis(NamedTuple):
 
 @kernel
 def _separate(world: World, thing: int, frame: Frame) -> tuple[float, _Axis]:
-    """Separation of a cell's core from a quad's core or the light's centre, and its axis."""
+    """Return a cell core's separation from a quad's core or the light's centre, and its axis."""
     if thing == _LIGHT:
         from_x = world.scenario.goal_x - frame.x
         from_y = world.scenario.goal_y - frame.y
@@ -87,7 +87,7 @@ def _separate(world: World, thing: int, frame: Frame) -> tuple[float, _Axis]:
 
 @kernel
 def _separation_along(world: World, thing: int, frame: Frame, axis: _Axis) -> float:
-    """Separation of a cell from a quad or the light's centre along one axis of ``_separate``."""
+    """Return the separation of a cell from a quad or the light's centre along a given axis."""
     if axis.face != _NO_FACE:
         f_x, f_y = face_of_cell(axis.face)
         n_x = frame.cos * f_x - frame.sin * f_y
@@ -122,7 +122,7 @@ def _separation_along(world: World, thing: int, frame: Frame, axis: _Axis) -> fl
 
 @kernel
 def _cell_at(sweep: _Sweep, time: float, cell: Point) -> Frame:
-    """Frame of a cell after a part of the move."""
+    """Return the frame of a cell after the fraction ``time`` of the move."""
     angle = sweep.start.angle + time * sweep.move.angle
     cos = math.cos(angle)
     sin = math.sin(angle)
@@ -133,10 +133,11 @@ def _cell_at(sweep: _Sweep, time: float, cell: Point) -> Frame:
 
 @kernel
 def _time_of_cell(world: World, thing: int, sweep: _Sweep, cell: Point, latest: float) -> float:
-    """Part of the move after which a cell touches a quad or the light, at most ``latest``.
+    """Return the fraction of the move after which a cell touches a quad or the light.
 
-    Where the present separating axis still separates at the end, the cell is free. Otherwise the
-    time at which it ceases to is a time of touch if no other axis separates then.
+    It is at most ``latest``. If the present separating axis still separates at the end, the cell is
+    free. Otherwise the time at which it stops separating is the time of touch, unless another axis
+    separates then.
     """
     radii = LIGHT_RADIUS + SKIN if thing == _LIGHT else 2.0 * SKIN
     target = radii - _TARGET_OVERLAP
@@ -144,8 +145,8 @@ def _time_of_cell(world: World, thing: int, sweep: _Sweep, cell: Point, latest: 
     for _ in range(_MAX_AXES):
         distance, axis = _separate(world, thing, _cell_at(sweep, time, cell))
         if distance < target + _TOLERANCE:
-            is_left_out = time == 0.0 and (distance <= 0.0 or sweep.ignore_touching)
-            return latest if is_left_out else min(time, latest)
+            is_ignored = time == 0.0 and (distance <= 0.0 or sweep.ignore_touching)
+            return latest if is_ignored else min(time, latest)
         free = time
         blocked = 1.0
         end = _separation_along(world, thing, _cell_at(sweep, blocked, cell), axis)
@@ -176,16 +177,16 @@ def _time_of_cell(world: World, thing: int, sweep: _Sweep, cell: Point, latest: 
 def time_of_impact(
     world: World, near: tuple[int, int], start: Pose, state: State, ignore_touching: bool
 ) -> float:
-    """Part of the move from ``start`` to the state's pose that is free, 1 if all of it is.
+    """Return the fraction of the move from ``start`` to the state's pose that is free, 1 for all.
 
     Overlaps at the start are left to the contact solver, as in Box2D.
 
     Args:
-        world: the episode's world; its room for corners is used.
-        near: which quads to look at, from ``manifolds.near_quads``.
-        start: the pose at the start of the move.
-        state: holds the pose at its end.
-        ignore_touching: leave out what touches at the start already.
+        world: The episode's world, whose buffer for corners is used.
+        near: First index and end of the quads to check, from ``manifolds.near_quads``.
+        start: Pose at the start of the move.
+        state: The episode's state, with the pose at the end of the move.
+        ignore_touching: True to ignore shapes that touch at the start already.
     """
     move = Pose(state.x - start.x, state.y - start.y, state.angle - start.angle)
     sweep = _Sweep(start, move, ignore_touching)

@@ -1,6 +1,6 @@
 """Sequential impulses on contact points, and the correction of overlaps.
 
-Restitution is 0. Both loops stop early once nothing changes any more.
+Restitution is 0. Both loops stop early once they have converged.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from ncrs_envs.physics import CONTACT_FRICTION
 
 _VELOCITY_ITERATIONS = 180
 _SETTLED_SPEED = 1e-6
-"""Units per second: smaller changes of a contact point's speed end the iteration."""
+"""Units per second; the iteration ends once no contact point's speed changes by more."""
 _MAX_CORRECTION = 0.2
 
 
 class Correction(NamedTuple):
-    """How to correct overlaps."""
+    """Parameters of the correction of overlaps."""
 
-    share: float
+    fraction: float
     """Fraction of an overlap that one correction removes."""
     sweeps: int
     """Maximum number of sweeps over all points."""
     tolerated: float
-    """Stop when no overlap of skins is larger than this."""
+    """Maximum overlap of skins at which the correction stops."""
 
 
 @kernel
 def _locate(contact: Contact, state: State) -> tuple[float, float, float, float, float]:
-    """World normal towards the robot, world position and separation of a contact point."""
+    """Return a contact point's world normal towards the robot, world position and separation."""
     cos = state.cos
     sin = state.sin
     n_x = contact.face_nx
@@ -77,7 +77,7 @@ def _push(robot: Robot, state: State, contact: Contact, impulse_x: float, impuls
 
 @kernel
 def _prepare(robot: Robot, state: State, contacts: NDArray[Contact], keep: bool) -> None:
-    """Fill what depends on the poses at the start of the solve, and apply the first impulses."""
+    """Set the solver's half of the contacts from the poses, and apply the first impulses."""
     inverse_mass = robot.inverse_mass
     inverse_inertia = robot.inverse_inertia
     for i in range(len(contacts)):
@@ -125,7 +125,7 @@ def _prepare(robot: Robot, state: State, contacts: NDArray[Contact], keep: bool)
 
 @kernel
 def _approach(state: State, contact: Contact) -> tuple[float, float]:
-    """Velocity of the robot at a contact point relative to what it touches."""
+    """Return the robot's velocity at a contact point, relative to the other shape."""
     v_x = state.vx - state.omega * contact.arm_y
     v_y = state.vy + state.omega * contact.arm_x
     if contact.kind == FACE_TO_BALL:
@@ -139,15 +139,15 @@ def solve_velocities(robot: Robot, state: State, contacts: NDArray[Contact], kee
     """Change velocities so that no contact point approaches, with Coulomb friction.
 
     Args:
-        robot: the robot.
-        state: the episode's state, changed.
-        contacts: the contact points.
-        keep: begin with the impulses of the step before rather than with none. A robot jammed
-            between two faces is held by them.
+        robot: The robot.
+        state: The episode's state, changed.
+        contacts: The contact points.
+        keep: True to begin with the impulses of the step before, which hold a robot that is jammed
+            between two faces; False to begin with none.
     """
     _prepare(robot, state, contacts, keep)
     for _ in range(_VELOCITY_ITERATIONS):
-        largest = 0.0
+        max_change = 0.0
         for i in range(len(contacts)):
             contact: Contact = contacts[i]
             n_x = contact.normal_x
@@ -160,7 +160,7 @@ def solve_velocities(robot: Robot, state: State, contacts: NDArray[Contact], kee
             if new != old:
                 contact.tangent_impulse = new
                 _push(robot, state, contact, -(new - old) * n_y, (new - old) * n_x)
-                largest = max(largest, abs(new - old) / mass)
+                max_change = max(max_change, abs(new - old) / mass)
                 v_x, v_y = _approach(state, contact)
             mass = contact.normal_mass
             old = contact.normal_impulse
@@ -168,8 +168,8 @@ def solve_velocities(robot: Robot, state: State, contacts: NDArray[Contact], kee
             if new != old:
                 contact.normal_impulse = new
                 _push(robot, state, contact, (new - old) * n_x, (new - old) * n_y)
-                largest = max(largest, abs(new - old) / mass)
-        if largest < _SETTLED_SPEED:
+                max_change = max(max_change, abs(new - old) / mass)
+        if max_change < _SETTLED_SPEED:
             break
 
 
@@ -180,10 +180,10 @@ def correct_positions(
     """Move bodies apart along their contact normals until little overlap is left.
 
     Args:
-        robot: the robot.
-        state: the episode's state, changed.
-        contacts: the contact points.
-        correction: how much to correct.
+        robot: The robot.
+        state: The episode's state, changed.
+        contacts: The contact points.
+        correction: Parameters of the correction.
     """
     inverse_mass = robot.inverse_mass
     inverse_inertia = robot.inverse_inertia
@@ -193,7 +193,7 @@ def correct_positions(
             contact: Contact = contacts[i]
             n_x, n_y, x, y, separation = _locate(contact, state)
             deepest = min(deepest, separation)
-            distance = correction.share * -(separation + LINEAR_SLOP)
+            distance = correction.fraction * -(separation + LINEAR_SLOP)
             distance = min(max(distance, 0.0), _MAX_CORRECTION)
             if distance == 0.0:
                 continue

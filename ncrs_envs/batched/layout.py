@@ -1,8 +1,8 @@
 """The records that the kernels read and write, each declared once.
 
-All lengths are in units, times in seconds, angles in radians; world frame unless said. What varies
-in length (a robot's wheels, a scenario's walls) lies in arrays beside the record that says how many
-of their items are used, so that one compiled kernel serves all grid sizes.
+All lengths are in units, times in seconds, angles in radians; world frame unless stated. Lists that
+vary in length (a robot's wheels, a scenario's walls) lie in arrays beside the record that holds
+the number of items in use, so that one compiled kernel serves all grid sizes.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from numpy.typing import NDArray
 from ncrs_envs.batched.dtypes import Record, records
 
 MAX_MEMORIES = 16
-"""Contact points whose impulses are kept from one step to the next."""
+"""Maximum number of contact points whose impulses are kept from one step to the next."""
 MAX_CORNERS = 4
 _CONTACTS_PER_SIDE = 16
-"""Room for two points at each of a face's cells on four sides, twice over, since a cell can touch
-two pieces of wall; times the grid's side."""
+"""Capacity for contacts per cell of the grid's side: two points at each cell on four sides, twice
+over because a cell can touch two pieces of wall."""
 
 
 class Settings(Record):
-    """Settings of a task, the same for all robots of a call."""
+    """Settings of a task, shared by all robots of a call."""
 
     extent: float
     """Half the playfield's side, P."""
     success_radius: float
     inverse_square: bool
-    """Inverse-square distance score instead of the exponential one."""
+    """True for the inverse-square distance score, False for the exponential one."""
     has_ball: bool
 
 
@@ -68,17 +68,17 @@ class State(Record):
     ball_vy: float
     ball_omega: float
     clearance: float
-    """Distance that the robot can move at least before it can touch the light or a wall."""
+    """Lower bound on the robot's distance from the light and the walls."""
     closest_goal: float
-    """Minimum distance yet from the robot to the light or ball."""
+    """Minimum distance so far from the robot to the light or ball."""
     closest_target: float
-    """Minimum distance yet from the ball to the target; 0 in tasks without a ball."""
+    """Minimum distance so far from the ball to the target; 0 in tasks without a ball."""
     success: bool
-    """Whether the episode has ever succeeded."""
+    """True if the episode has ever succeeded."""
     crossed: bool
-    """Whether the grid's centre has ever been above y = 0."""
+    """True if the grid's centre has ever been above y = 0."""
     touched: bool
-    """Whether the robot touched the light, the ball or a wall in the last step."""
+    """True if the robot touched the light, the ball or a wall in the last step."""
     memory_count: int
     memories: Annotated[NDArray[Memory], MAX_MEMORIES]
 
@@ -92,7 +92,7 @@ class Robot(Record):
     """Centre of mass relative to the grid's centre, body frame."""
     center_y: float
     radius: float
-    """Radius about the centre of mass that holds every cell."""
+    """Radius of a circle about the centre of mass that contains every cell."""
     damping: Annotated[NDArray[np.float64], (3, 3)]
     """Twist change per unit of twist in one step, body frame."""
     wheel_count: int
@@ -122,7 +122,7 @@ class Sensor(Record):
 
 
 class Robots(NamedTuple):
-    """Many robots on grids of n x n cells, the first axis of every array."""
+    """Many robots on grids of n x n cells; the first axis of every array is the robots."""
 
     robots: NDArray[Robot]
     wheels: NDArray[Wheel]
@@ -173,7 +173,7 @@ class Scenario(Record):
 
 
 class Scenarios(NamedTuple):
-    """Many scenarios, the first axis of both arrays."""
+    """Many scenarios; the first axis of both arrays is the scenarios."""
 
     scenarios: NDArray[Scenario]
     quads: NDArray[Quad]
@@ -183,14 +183,14 @@ class Scenarios(NamedTuple):
 class Contact(Record):
     """A contact point.
 
-    The reference face and the point belong to different things; "own" is the frame of the robot
-    about its centre of mass. The second half is the impulse solver's.
+    The reference face and the point belong to different shapes; "own" is the robot's frame about
+    its centre of mass. The fields from ``normal_x`` on are the impulse solver's.
     """
 
     kind: int
     """``manifolds.FACE_OF_WALL``, ``FACE_OF_ROBOT`` or ``FACE_TO_BALL``."""
     key: int
-    """Which cell touches what with which feature; features are numbered in ``manifolds``."""
+    """Identifies the cell, the other shape and the edges and corners in contact."""
     face_nx: float
     """Normal of the reference face, outward: world frame for a wall's, own frame for a cell's."""
     face_ny: float
@@ -201,9 +201,9 @@ class Contact(Record):
     """The point of the other shape: own frame for a wall's face, world frame for a cell's."""
     point_y: float
     radii: float
-    """Skins or radius that keep the point away from the face."""
+    """Sum of the skins or radius that keep the point away from the face."""
     face_radius: float
-    """That part of the radii that belongs to the face's shape."""
+    """Part of ``radii`` that belongs to the face's shape."""
     normal_x: float
     """Normal in the world frame at the start of the solve, towards the robot."""
     normal_y: float
@@ -219,7 +219,7 @@ class Contact(Record):
 
 
 class Scratch(NamedTuple):
-    """Room for the contact solver; contents are meaningless between steps."""
+    """Buffers of the contact solver; their contents are meaningless between steps."""
 
     contacts: NDArray[Contact]
     corners: NDArray[Point]
@@ -227,7 +227,7 @@ class Scratch(NamedTuple):
 
 
 class World(NamedTuple):
-    """All that one episode's steps read, with the room that they need."""
+    """Inputs of one episode's steps, with the buffers that they need."""
 
     settings: Settings
     robot: Robot
@@ -241,7 +241,7 @@ class World(NamedTuple):
 
 
 class Worlds(NamedTuple):
-    """What the worlds of many episodes are made of; see ``simulate.make_world``."""
+    """Records from which ``simulate.make_world`` makes the worlds of many episodes."""
 
     settings: Settings
     robots: Robots
@@ -250,7 +250,7 @@ class Worlds(NamedTuple):
 
 
 def make_robots(count: int, grid_size: int) -> Robots:
-    """Blank records of many robots."""
+    """Return blank records of many robots."""
     places = grid_size * grid_size
     return Robots(
         records(Robot, count),
@@ -261,10 +261,10 @@ def make_robots(count: int, grid_size: int) -> Robots:
 
 
 def make_scenarios(count: int, quads: int) -> Scenarios:
-    """Blank records of many scenarios with room for so many quads each."""
+    """Return blank records of many scenarios, with room for ``quads`` quads each."""
     return Scenarios(records(Scenario, count), records(Quad, count, quads))
 
 
 def make_scratch(grid_size: int) -> Scratch:
-    """Room for the contacts of a robot of that grid size; threads must not share it."""
+    """Return the contact solver's buffers for one robot; threads must not share them."""
     return Scratch(records(Contact, _CONTACTS_PER_SIDE * grid_size), records(Point, MAX_CORNERS))

@@ -27,10 +27,10 @@ from ncrs_envs.batched.layout import MAX_MEMORIES, Contact, Edge, Memory, Point,
 from ncrs_envs.physics import BALL_RADIUS, LIGHT_RADIUS, MAX_TRANSLATION
 
 LINEAR_SLOP = 0.005
-"""Overlap of skins that is left standing (Box2D)."""
+"""Overlap of skins that is not corrected (Box2D)."""
 SKIN = 2.0 * LINEAR_SLOP
 """Thickness of a polygon's skin (Box2D); a circle has none."""
-# A cell's face must separate better than a quad's edge by this much to be the reference face.
+# To be the reference face, a cell's face must separate by this much more than a quad's edge.
 _FACE_PREFERENCE = 0.1 * LINEAR_SLOP
 _HALF_DIAGONAL = HALF_CELL * 2.0**0.5
 
@@ -56,19 +56,21 @@ class _Circle(NamedTuple):
 
 @kernel
 def distance_from_quad(quad: Quad, x: float, y: float) -> float:
-    """A lower bound on the distance of a point from a quad, from the sides of the quad and of its
-    bounding box; negative inside."""
-    most = max(max(quad.low_y - y, y - quad.high_y), max(quad.low_x - x, x - quad.high_x))
+    """Return a lower bound on the distance of a point from a quad; negative inside.
+
+    It is the maximum distance from a side of the quad or of its bounding box.
+    """
+    bound = max(max(quad.low_y - y, y - quad.high_y), max(quad.low_x - x, x - quad.high_x))
     for i in range(quad.corner_count):
         edge: Edge = quad.edges[i]
         if edge.n_x != 0.0 or edge.n_y != 0.0:
-            most = max(most, edge.n_x * x + edge.n_y * y - edge.offset)
-    return most
+            bound = max(bound, edge.n_x * x + edge.n_y * y - edge.offset)
+    return bound
 
 
 @kernel
 def near_quads(world: World, state: State) -> tuple[int, int]:
-    """First index and end of the quads that the robot can touch in this step, however it moves."""
+    """Return the first index and the end of the quads that the robot can reach in this step."""
     reach = world.robot.radius + 2.0 * MAX_TRANSLATION
     first = world.scenario.quad_count
     end = 0
@@ -84,12 +86,12 @@ def near_quads(world: World, state: State) -> tuple[int, int]:
 
 @kernel
 def find_contacts(world: World, near: tuple[int, int], state: State) -> int:
-    """Write the contact points of the current poses into the world's room for them.
+    """Write the contact points of the current poses into the world's contacts.
 
     Args:
-        world: the episode's world.
-        near: which quads to look at, from ``near_quads``.
-        state: the episode's state.
+        world: The episode's world.
+        near: First index and end of the quads to check, from ``near_quads``.
+        state: The episode's state.
 
     Returns:
         Number of contact points.
@@ -128,7 +130,7 @@ def find_contacts(world: World, near: tuple[int, int], state: State) -> int:
 
 @kernel
 def _circle(world: World, state: State) -> _Circle:
-    """The light, or the ball where it is now."""
+    """Return the light, or the ball at its present place."""
     has_ball = world.settings.has_ball
     x = state.ball_x if has_ball else world.scenario.goal_x
     y = state.ball_y if has_ball else world.scenario.goal_y
@@ -142,7 +144,7 @@ def _circle(world: World, state: State) -> _Circle:
 
 @kernel
 def _remember(state: State, contacts: NDArray[Contact]) -> None:
-    """Start each contact point with the impulses that it had in the step before, or with 0."""
+    """Set each contact point's impulses to those of the step before, or to 0."""
     for i in range(len(contacts)):
         contact: Contact = contacts[i]
         contact.normal_impulse = 0.0
@@ -230,11 +232,11 @@ def _touch_quad(world: World, count: int, quad: Quad, cell: Point, frame: Frame)
         return count
     for end in range(2):
         along = min(max(first if end == 0 else second, low), high)
-        share = 0.0 if first == second else (along - first) / (second - first)
+        fraction = 0.0 if first == second else (along - first) / (second - first)
         if first == second and end == 1:
-            share = 1.0
-        p_x = p_x0 + share * (p_x1 - p_x0)
-        p_y = p_y0 + share * (p_y1 - p_y0)
+            fraction = 1.0
+        p_x = p_x0 + fraction * (p_x1 - p_x0)
+        p_y = p_y0 + fraction * (p_y1 - p_y0)
         if n_x * (p_x - f_x0) + n_y * (p_y - f_y0) > 2.0 * SKIN or count == len(world.contacts):
             continue
         contact: Contact = world.contacts[count]
@@ -266,7 +268,7 @@ def _touch_quad(world: World, count: int, quad: Quad, cell: Point, frame: Frame)
 
 @kernel
 def _facing_edge(quad: Quad, n_x: float, n_y: float) -> int:
-    """The quad's edge whose outward normal is most opposed to a world direction."""
+    """Return the quad's edge whose outward normal is most opposed to a world direction."""
     best = 2.0
     best_edge = 0
     for i in range(quad.corner_count):
@@ -282,7 +284,7 @@ def _facing_edge(quad: Quad, n_x: float, n_y: float) -> int:
 
 @kernel
 def _facing_face(n_x: float, n_y: float) -> int:
-    """The cell's face whose outward normal is most opposed to a direction."""
+    """Return the cell's face whose outward normal is most opposed to a direction."""
     best = 2.0
     best_face = 0
     for face in range(CELL_FACES):

@@ -33,7 +33,7 @@ _NOWHERE = (np.nan, np.nan)
 
 
 def settings_record(task: TaskSettings) -> Settings:
-    """A task's settings."""
+    """Return the record of a task's settings."""
     settings: Settings = records(Settings, 1)[0]
     settings.extent = playfield(task.grid_size)
     settings.inverse_square = task.distance_score == "inverse_square"
@@ -43,14 +43,14 @@ def settings_record(task: TaskSettings) -> Settings:
 
 
 def robot_records(bodies: NDArray[np.int8]) -> Robots:
-    """Records of many bodies, shape ``(bodies, n, n)``, each with at least one cell."""
+    """Return the records of many bodies, shape ``(bodies, n, n)``, none of them empty."""
     robots = make_robots(len(bodies), bodies.shape[-1])
     prepare_robots(bodies, robots)
     return robots
 
 
 def quad_capacity(scenarios: Sequence[Scenario]) -> int:
-    """The largest number of wall quads of any of these scenarios."""
+    """Return the maximum number of wall quads of any scenario."""
     return max(
         (sum(len(line) - 1 for line in s.walls) for s in scenarios if s.walls is not None),
         default=0,
@@ -58,11 +58,11 @@ def quad_capacity(scenarios: Sequence[Scenario]) -> int:
 
 
 def scenario_records(scenarios: Sequence[Scenario], grid_size: int) -> Scenarios:
-    """Records of many scenarios, with room for as many wall quads as the largest needs.
+    """Return the records of many scenarios, with room for the wall quads of each of them.
 
     Args:
-        scenarios: placements, already checked; all of the same task.
-        grid_size: side of the body grid, which says how far walls reach.
+        scenarios: Checked placements, all of the same task.
+        grid_size: Side of the body grid, which determines the extent of the walls.
     """
     rows = make_scenarios(len(scenarios), quad_capacity(scenarios))
     for scenario, record, quads in zip(scenarios, *rows, strict=True):
@@ -80,7 +80,7 @@ def _place(record: ScenarioRecord, start: Place, goal: Place | None, target: Pla
 
 
 def single_world(settings: TaskSettings, body: NDArray[np.int8], scenario: Scenario) -> World:
-    """The world of one episode: a checked body in a checked scenario."""
+    """Return the world of one episode: a checked body in a checked scenario."""
     n = settings.grid_size
     worlds = Worlds(
         settings_record(settings),
@@ -96,11 +96,11 @@ def prepare_walls(walls: NDArray[np.float64], quads: NDArray[Quad]) -> int:
     """Write wall quads in order of increasing lower edge, and return their number.
 
     Each is replaced by its convex hull, since a vertex that lies beyond the wall's outer side makes
-    the quad cross itself. Flat ones are left out.
+    the quad cross itself. Flat quads are omitted.
 
     Args:
-        walls: corners, shape ``(quads, 4, 2)``, from ``scenario.wall_quads``.
-        quads: output, with room for that many.
+        walls: Corners, shape ``(quads, 4, 2)``, from ``scenario.wall_quads``.
+        quads: Output, with room for as many.
     """
     count = 0
     for i in range(len(walls)):
@@ -122,7 +122,7 @@ def prepare_walls(walls: NDArray[np.float64], quads: NDArray[Quad]) -> int:
 
 @kernel
 def _box(corners: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """Bounding box of four points: low x, low y, high x, high y."""
+    """Return the bounding box of four points: low x, low y, high x, high y."""
     low_x = high_x = corners[0, 0]
     low_y = high_y = corners[0, 1]
     for corner in range(1, 4):
@@ -141,8 +141,10 @@ def _is_flat(corners: NDArray[np.float64]) -> bool:
 
 @kernel
 def _write_hull(points: NDArray[np.float64], quad: Quad) -> None:
-    """The convex hull of four points, counter-clockwise, by gift wrapping from the lowest, and its
-    edges."""
+    """Write the convex hull of four points, counter-clockwise, and its edges.
+
+    The corners are found by gift wrapping, from the lowest point on.
+    """
     first = 0
     for corner in range(1, 4):
         lower = points[corner, 1] < points[first, 1]

@@ -22,13 +22,13 @@ _LIGHT_SENSOR = int(Cell.LIGHT_SENSOR)
 _TARGET_SENSOR = int(Cell.TARGET_SENSOR)
 _WHEEL = int(Cell.WHEEL)
 _HALF_DIAGONAL = 0.5 * CELL_SIZE * 2.0**0.5
-# |1 - dt * rate| exceeds 1 by more than the tolerance exactly where the rate exceeds this.
-_LARGEST_STABLE_RATE = (2.0 + STABILITY_TOLERANCE) / DT
+# |1 - dt * rate| exceeds 1 by more than the tolerance if and only if the rate exceeds this.
+_MAX_STABLE_RATE = (2.0 + STABILITY_TOLERANCE) / DT
 
 
 @kernel
 def _mass_properties(body: NDArray[np.int8]) -> tuple[float, float, float, float]:
-    """Mass, centre of mass (x, y, body frame) and inertia; see ``body.mass_properties``."""
+    """Return mass, centre of mass (x, y, body frame) and inertia; see ``body.mass_properties``."""
     n = body.shape[0]
     middle = 0.5 * (n - 1)
     mass = 0.0
@@ -53,7 +53,7 @@ def _mass_properties(body: NDArray[np.int8]) -> tuple[float, float, float, float
 
 @kernel
 def _is_exposed(body: NDArray[np.int8], row: int, column: int) -> bool:
-    """Whether one of the cell's four sides is free."""
+    """Return True if one of the cell's four sides is free."""
     last = body.shape[0] - 1
     if row == 0 or column == 0 or row == last or column == last:
         return True
@@ -67,7 +67,7 @@ def _is_exposed(body: NDArray[np.int8], row: int, column: int) -> bool:
 
 @kernel
 def _position(place: int, grid_size: int, robot: Robot) -> tuple[float, float]:
-    """Centre of a cell, body frame, relative to the centre of mass."""
+    """Return the centre of a cell, body frame, relative to the centre of mass."""
     middle = 0.5 * (grid_size - 1)
     x = (place % grid_size - middle) * CELL_SIZE - robot.center_x
     y = (middle - place // grid_size) * CELL_SIZE - robot.center_y
@@ -82,14 +82,14 @@ def prepare_robot(
     sensors: NDArray[Sensor],
     exposed: NDArray[Point],
 ) -> None:
-    """Fill the records of a body with at least one cell.
+    """Fill the records of a body that is not empty.
 
     Args:
-        body: cell codes, shape ``(n, n)``, already valid.
-        robot: output.
-        wheels: output, with room for ``n * n``, as the arrays below.
-        sensors: output.
-        exposed: output, centres of the cells with a free side.
+        body: Valid cell codes, shape ``(n, n)``.
+        robot: Output.
+        wheels: Output, with room for ``n * n`` items, as in the arrays below.
+        sensors: Output.
+        exposed: Output, centres of the cells with a free side.
     """
     n = body.shape[0]
     mass, robot.center_x, robot.center_y, inertia = _mass_properties(body)
@@ -162,20 +162,20 @@ def _prepare_wheels(
         x_turn -= WHEEL_SIDE_FRICTION * y
         y_turn += WHEEL_FORWARD_FRICTION * x
         turn += WHEEL_FORWARD_FRICTION * x * x + WHEEL_SIDE_FRICTION * y * y
-    # The rates are the eigenvalues of M^-1 D. All are stable where limit * M - D is positive
-    # semidefinite, which for a matrix of this shape its diagonal and Schur complement decide.
-    p = _LARGEST_STABLE_RATE * mass - xx
-    q = _LARGEST_STABLE_RATE * mass - yy
-    r = _LARGEST_STABLE_RATE * inertia - turn
+    # The rates are the eigenvalues of M^-1 D. All are stable if limit * M - D is positive
+    # semidefinite, which follows from its diagonal and Schur complement for a matrix of this shape.
+    p = _MAX_STABLE_RATE * mass - xx
+    q = _MAX_STABLE_RATE * mass - yy
+    r = _MAX_STABLE_RATE * inertia - turn
     stable = p >= 0.0 and q >= 0.0 and p * q * r >= x_turn * x_turn * q + y_turn * y_turn * p
     stable = stable and r >= 0.0
-    share = 0.0 if stable else DT
-    k_xx = mass + share * xx
-    k_yy = mass + share * yy
-    k_x = share * x_turn
-    k_y = share * y_turn
+    implicit_dt = 0.0 if stable else DT
+    k_xx = mass + implicit_dt * xx
+    k_yy = mass + implicit_dt * yy
+    k_x = implicit_dt * x_turn
+    k_y = implicit_dt * y_turn
     # K has no xy entry; the rotation is solved first, from the Schur complement.
-    schur = inertia + share * turn - k_x * k_x / k_xx - k_y * k_y / k_yy
+    schur = inertia + implicit_dt * turn - k_x * k_x / k_xx - k_y * k_y / k_yy
     for column in range(3):
         d_x = xx if column == 0 else (0.0 if column == 1 else x_turn)
         d_y = yy if column == 1 else (0.0 if column == 0 else y_turn)

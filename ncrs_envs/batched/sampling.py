@@ -1,8 +1,8 @@
-"""Random Obstacle scenarios for many episodes at once, the same as ``sample_scenario`` draws.
+"""Random Obstacle scenarios for many episodes at once, equal to those of ``sample_scenario``.
 
-An Obstacle scenario has dozens of random numbers, so that drawing thousands one by one takes longer
-than simulating them. Here each episode's generator only fills arrays, in the order in which
-``sample_scenario`` uses it, and compiled code does the rest.
+An Obstacle scenario needs dozens of random numbers, so drawing thousands of scenarios one by one
+takes longer than simulating them. Here each episode's generator only fills arrays, in the order in
+which ``sample_scenario`` uses it, and compiled code does the rest.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from ncrs_envs.tasks import REGIONS, playfield
 MAX_VERTICES = WALL_VERTICES[1] - 1
 MAX_QUADS = 2 * (MAX_VERTICES - 1)
 _FIXED_VERTICES = 2
-"""The last vertices of a wall, which form the passage, are not moved."""
+"""Number of a wall's last vertices that form the passage and are not moved."""
 _COLUMNS = np.array(COLUMN_REGIONS)
 
 
 class _Draws(NamedTuple):
-    """Random numbers in [0, 1) for scenarios, and the walls' vertices that are made of them."""
+    """Random numbers in [0, 1) for scenarios, and the walls' vertices made from them."""
 
     regions: NDArray[np.int64]
-    """Where each light stands, 0 to 3."""
+    """Region of each light, 0 to 3."""
     places: NDArray[np.float64]
-    """For the light's place and the passage's, ``(episodes, 3)``."""
+    """For the positions of light (x, y) and passage (x), ``(episodes, 3)``."""
     starts: NDArray[np.float64]
     noise: NDArray[np.float64]
     """For the vertices of the left and the right wall, ``(episodes, 2, 2 * MAX_VERTICES)``."""
@@ -59,18 +59,18 @@ class _Draws(NamedTuple):
 
 
 class ObstacleDraws:
-    """Obstacle scenarios of some episodes.
+    """Random Obstacle scenarios, one for each generator.
 
     Args:
-        generators: one for each episode; each is left as ``sample_scenario`` would leave it.
-        regions: where each light stands, 0 to 3, or None for a uniformly random one.
-        grid_size: side of the body grid.
+        generators: Source of each scenario, left in the state that ``sample_scenario`` leaves.
+        regions: Region of each light, 0 to 3, or None for a uniformly random one.
+        grid_size: Side of the body grid.
 
     Attributes:
-        records: the scenarios, with room for ``MAX_QUADS`` quads each.
+        records: Records of the scenarios, with room for ``MAX_QUADS`` quads each.
 
     Raises:
-        ScenarioError: no start free of walls was found.
+        ScenarioError: No start free of walls was found.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class ObstacleDraws:
         )
 
     def walls(self, index: int) -> tuple[Polyline, Polyline]:
-        """Edges of the left and the right wall of one episode."""
+        """Return the inner edges of the left and the right wall of one scenario."""
         left, right = (
             tuple((float(x), float(y)) for x, y in self._draws.vertices[index, side, :count])
             for side, count in enumerate(self._draws.counts[index])
@@ -127,9 +127,9 @@ class ObstacleDraws:
 
 
 @kernel
-def _between(low: float, high: float, share: float) -> float:
-    """The number that ``Generator.uniform(low, high)`` makes of one in [0, 1)."""
-    return low + (high - low) * share
+def _between(low: float, high: float, fraction: float) -> float:
+    """Map a number in [0, 1) as ``Generator.uniform(low, high)`` does."""
+    return low + (high - low) * fraction
 
 
 @kernel
@@ -140,7 +140,7 @@ def _build(
     scenarios: Scenarios,
     blocked: NDArray[np.bool_],
 ) -> None:
-    """Make scenarios of random numbers in [0, 1), and say whose start is not free of walls."""
+    """Make scenarios from random numbers, and mark those whose start is not free of walls."""
     quads = np.empty((MAX_QUADS, 4, 2))
     for i in range(len(blocked)):
         record: ScenarioRecord = scenarios.scenarios[i]
@@ -167,7 +167,7 @@ def _build(
 def _place_ends(
     grid_size: int, extent: float, passage: float, sign: float, vertices: NDArray[np.float64]
 ) -> None:
-    """A wall's first vertex, at the lower corner, and its last, at the passage."""
+    """Set a wall's first vertex, at the lower corner, and its last, at the passage."""
     vertices[0, 0] = sign * WALL_EXTENT * extent
     vertices[0, 1] = -WALL_EXTENT * extent
     vertices[-1, 0] = passage + sign * PASSAGE_HALF_WIDTH * grid_size
@@ -176,7 +176,7 @@ def _place_ends(
 
 @kernel
 def _fill_wall(grid_size: int, noise: NDArray[np.float64], vertices: NDArray[np.float64]) -> None:
-    """Equally spaced vertices between a wall's ends; all but the last two are then moved."""
+    """Space vertices equally between a wall's ends, then move all but the last two."""
     count = len(vertices)
     bottom_x = vertices[0, 0]
     bottom_y = vertices[0, 1]
@@ -198,7 +198,7 @@ def _write_quads(
     vertices: NDArray[np.float64],
     quads: NDArray[np.float64],
 ) -> int:
-    """As ``scenario.wall_quads``; returns their number."""
+    """Write the quads of both walls as in ``scenario.wall_quads``, and return their number."""
     number = 0
     for side in range(2):
         outside = WALL_EXTENT * extent if side == 1 else -WALL_EXTENT * extent
@@ -214,7 +214,7 @@ def _write_quads(
 
 @kernel
 def _is_blocked(x: float, y: float, grid_size: int, quads: NDArray[np.float64]) -> bool:
-    """Whether the grid's square overlaps any quad; see ``scenario.sample_scenario``."""
+    """Return True if the grid's square overlaps any quad; see ``scenario.sample_scenario``."""
     half = grid_size * CELL_SIZE / 2.0
     for quad in quads:
         n_x = -(quad[2, 1] - quad[1, 1])

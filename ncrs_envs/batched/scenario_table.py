@@ -1,4 +1,4 @@
-"""The scenarios of many episodes: as records for the kernels, and as objects when somebody asks."""
+"""Scenarios of many episodes: as records for the kernels, and as objects on demand."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ Indices = NDArray[np.intp]
 
 
 class ScenarioTable:
-    """Scenarios of ``count`` episodes of one task, at first none.
+    """Scenarios of ``count`` episodes of one task; initially there are none.
 
     Attributes:
-        records: those of all episodes, with room for as many wall quads as any scenario so far has
-            had.
+        records: Records of all episodes, with room for the wall quads of every scenario so far.
     """
 
     def __init__(self, task: Task, count: int, grid_size: int) -> None:
@@ -32,17 +31,17 @@ class ScenarioTable:
         self._makers: list[Callable[[], Scenario] | None] = [None] * count
 
     def __getitem__(self, episode: int) -> Scenario | None:
-        """The scenario of an episode, or None."""
+        """Return the scenario of an episode, or None."""
         make = self._makers[episode]
         return None if make is None else make()
 
     def start(self, episode: int) -> tuple[float, float]:
-        """Where an episode's robot starts."""
+        """Return the start position of an episode's robot."""
         record: ScenarioRecord = self.records.scenarios[episode]
         return float(record.start_x), float(record.start_y)
 
     def put(self, episodes: Sequence[int], scenarios: Sequence[Scenario]) -> None:
-        """Give episodes these scenarios, already checked."""
+        """Set the scenarios of episodes to checked ones."""
         if not scenarios:
             return
         self._write(episodes, scenario_records(scenarios, self._grid_size))
@@ -63,7 +62,7 @@ class ScenarioTable:
         generators: Sequence[np.random.Generator],
         regions: Sequence[int | None],
     ) -> None:
-        """Give episodes the scenarios that ``sample_scenario`` draws from these generators."""
+        """Set the scenarios of episodes to those that ``sample_scenario`` would draw."""
         if not self._task.has_walls:
             self.put(
                 episodes,
@@ -80,7 +79,7 @@ class ScenarioTable:
 
 
 class _Kept:
-    """A scenario that is already there."""
+    """Maker of a scenario that exists already."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
@@ -90,7 +89,7 @@ class _Kept:
 
 
 class _Drawn:
-    """A scenario that is still only numbers."""
+    """Maker of a scenario from its random numbers."""
 
     def __init__(self, draws: ObstacleDraws, index: int) -> None:
         self._draws = draws

@@ -1,4 +1,4 @@
-"""What a robot senses and what it earns, from the poses after a step."""
+"""Sensor values and rewards, from the poses after a step."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ncrs_envs.batched.layout import Sensor, Settings, State, World
 
 @kernel
 def _closeness(settings: Settings, distance: float) -> float:
-    """See ``tasks.distance_score``."""
+    """Return the distance score; see ``tasks.distance_score``."""
     if settings.inverse_square:
         closeness = 1.0 / (distance / settings.extent + 1.0)
         return closeness * closeness
@@ -23,7 +23,7 @@ def _closeness(settings: Settings, distance: float) -> float:
 
 @kernel
 def _goal(world: World, state: State) -> tuple[float, float]:
-    """What light sensors sense: the light, or the ball where it is now."""
+    """Return the position of the goal: the light, or the ball at its present place."""
     if world.settings.has_ball:
         return state.ball_x, state.ball_y
     return world.scenario.goal_x, world.scenario.goal_y
@@ -33,7 +33,7 @@ def _goal(world: World, state: State) -> tuple[float, float]:
 def sense(world: World, state: State, observation: NDArray[np.floating]) -> None:
     """Write the sensor values in (0, 1] into the sensor cells of a flat grid.
 
-    Other cells are left as they are; ``simulate.reset_episode`` sets them to 0.
+    Other cells are not changed; ``simulate.reset_episode`` sets them to 0.
     """
     goal_x, goal_y = _goal(world, state)
     cos = state.cos
@@ -54,7 +54,7 @@ def sense(world: World, state: State, observation: NDArray[np.floating]) -> None
 
 @kernel
 def distances(world: World, state: State) -> tuple[float, float]:
-    """Units: robot to light or ball, and ball to target (0 in tasks without a ball)."""
+    """Return the distances, in units, of robot to goal and ball to target (0 without a ball)."""
     x, y = grid_center(world.robot, state)
     goal_x, goal_y = _goal(world, state)
     to_goal = math.sqrt((x - goal_x) * (x - goal_x) + (y - goal_y) * (y - goal_y))
@@ -68,7 +68,7 @@ def distances(world: World, state: State) -> tuple[float, float]:
 
 @kernel
 def score(settings: Settings, to_goal: float, to_target: float) -> float:
-    """The reward at these distances."""
+    """Return the reward at the given distances."""
     reward = _closeness(settings, to_goal)
     if settings.has_ball:
         reward = 0.5 * (reward + _closeness(settings, to_target))
@@ -76,8 +76,8 @@ def score(settings: Settings, to_goal: float, to_target: float) -> float:
 
 
 @kernel
-def keep_record(world: World, state: State, to_goal: float, to_target: float) -> None:
-    """Update what the state says of the best that the episode has reached."""
+def update_progress(world: World, state: State, to_goal: float, to_target: float) -> None:
+    """Update the state's closest approaches, success and crossing."""
     state.closest_goal = min(state.closest_goal, to_goal)
     state.closest_target = min(state.closest_target, to_target)
     decisive = to_target if world.settings.has_ball else to_goal

@@ -1,14 +1,14 @@
-"""One robot in one episode: reset and step. The interface that batched callers use.
+"""Reset and step of one robot in one episode: the kernels that batched callers use.
 
-Every kernel works on one episode and touches only what it is given, so callers may spread episodes
-over threads as they like; results do not depend on how. Nothing is allocated inside a step.
+Every kernel works on one episode and changes only its arguments, so callers may spread episodes
+over threads in any way with the same results. Nothing is allocated inside a step.
 
 An episode is ``reset_episode(...)``, then ``step_episode(...)`` as often as needed. They take:
 
-- ``world``: what the steps read, made by ``make_world`` from records of many robots and scenarios
-  (``records`` fills them), with room for the solver, one for each thread.
-- ``state``: one for each episode. Success, crossed and touched are read from it.
-- ``action`` and ``observation``: flat grids ``(n * n,)`` of float32 or float64, row by row.
+- ``world``: Inputs of the steps and the solver's buffers, which threads must not share. It is made
+  by ``make_world`` from the records of many robots and scenarios, which ``records`` fills.
+- ``state``: One for each episode. Success, crossed and touched are read from it.
+- ``action`` and ``observation``: Flat grids ``(n * n,)`` of float32 or float64, row by row.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from ncrs_envs.batched.compiler import inlined, kernel
 from ncrs_envs.batched.contacts import move_with_contacts
 from ncrs_envs.batched.dynamics import apply_drag, apply_wheels
 from ncrs_envs.batched.layout import State, World, Worlds
-from ncrs_envs.batched.sensing import distances, keep_record, score, sense
+from ncrs_envs.batched.sensing import distances, score, sense, update_progress
 
 
 def make_world(worlds: Worlds, robot: int, scenario: int) -> World:
-    """The world of a robot in a scenario, given their indices."""
+    """Return the world of a robot in a scenario, given their indices."""
     return World(
         worlds.settings,
         worlds.robots.robots[robot],
@@ -44,7 +44,7 @@ world_at = inlined(make_world)
 
 @kernel
 def reset_episode(world: World, state: State, observation: NDArray[np.floating]) -> None:
-    """Place robot and ball as the scenario says, at rest, and write the first observation."""
+    """Place robot and ball at rest as in the scenario, and write the first observation."""
     state.x = world.scenario.start_x + world.robot.center_x
     state.y = world.scenario.start_y + world.robot.center_y
     state.angle = 0.0
@@ -77,10 +77,10 @@ def step_episode(
     """Advance one step of ``DT`` seconds and return the reward.
 
     Args:
-        world: the episode's world.
-        state: the episode's state, changed.
-        action: finite gas per cell; read in wheel cells, clipped to [-1, 1].
-        observation: output; only sensor cells are written.
+        world: The episode's world.
+        state: The episode's state, changed.
+        action: Finite gas per cell; read in wheel cells, clipped to [-1, 1].
+        observation: Output; only sensor cells are written.
     """
     apply_wheels(world, state, action)
     if world.settings.has_ball:
@@ -88,5 +88,5 @@ def step_episode(
     move_with_contacts(world, state)
     sense(world, state, observation)
     to_goal, to_target = distances(world, state)
-    keep_record(world, state, to_goal, to_target)
+    update_progress(world, state, to_goal, to_target)
     return score(world.settings, to_goal, to_target)

@@ -1,6 +1,6 @@
 """The Gymnasium vector environments over the batched simulator.
 
-``gymnasium.make_vec(id, num_envs)`` makes these. Their spaces, rewards, options and infos are those
+``gymnasium.make_vec(id, num_envs)`` makes them. Their spaces, rewards, options and infos are those
 of the single environments; ``vectorization_mode="sync"`` gives the same on Box2D.
 """
 
@@ -58,28 +58,28 @@ else:
 
 
 class RobotVectorEnv(_BaseEnv):
-    """Modular robots, one in each environment; the task's subclass says what they are rewarded for.
+    """Modular robots, one in each environment; each task has a subclass.
 
     Args:
-        num_envs: number of environments.
-        max_episode_steps: episodes are truncated after so many steps; -1 for never.
-        body: one body for all, or one for each, shape ``(num_envs, n, n)``.
-        grid_size: side of the body grid; that of ``body`` by default, or 5.
-        render_mode: None or "rgb_array".
-        distance_score: "exponential" or "inverse_square".
-        success_radius: units; the task's own by default.
-        terminate_on_success: end an episode when it succeeds.
-        render_size: side of a frame in pixels.
-        autoreset_mode: what happens to environments whose episode has ended, see Gymnasium's
-            ``AutoresetMode``: "NextStep" (the default), "SameStep" or "Disabled".
-        render_envs: which environments ``render`` draws; by default the first four.
-        threads: maximum number of threads; by default one for each core. Results are the same.
+        num_envs: Number of environments.
+        max_episode_steps: Steps after which episodes are truncated; -1 for never.
+        body: One body for all, or one for each, shape ``(num_envs, n, n)``.
+        grid_size: Side of the body grid; by default that of ``body``, or 5.
+        render_mode: Render mode, None or "rgb_array".
+        distance_score: Kind of distance score, "exponential" or "inverse_square".
+        success_radius: Success radius in units; by default the task's own.
+        terminate_on_success: True to end an episode when it succeeds.
+        render_size: Side of a frame in pixels.
+        autoreset_mode: Gymnasium's ``AutoresetMode`` for environments whose episode has ended:
+            "NextStep" (the default), "SameStep" or "Disabled".
+        render_envs: Indices of the environments that ``render`` draws; by default the first four.
+        threads: Maximum number of threads; by default one for each core; results are the same.
 
     Raises:
-        OptionError: an unknown mode, or a count that is not a positive integer.
-        BodyError: a malformed body or grid size, or a body that the task cannot use.
-        TaskError: an unknown distance score, or an impossible success radius.
-        RenderError: a picture size out of range.
+        OptionError: A mode is unknown, or a count is not a positive integer.
+        BodyError: A body or the grid size is malformed, or the task cannot use a body.
+        TaskError: The distance score is unknown, or the success radius is out of range.
+        RenderError: The picture size is out of range.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's own declaration
@@ -89,7 +89,7 @@ class RobotVectorEnv(_BaseEnv):
     }
     task: ClassVar[Task]
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the public call, as in gymnasium.make_vec
         self,
         num_envs: int = 1,
         max_episode_steps: int = MAX_EPISODE_STEPS,
@@ -143,7 +143,7 @@ class RobotVectorEnv(_BaseEnv):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """The spec this was made from; a body in it is kept as nested lists, for JSON."""
+        """The spec that this was made from, with its body as nested lists, for JSON."""
         return self._spec
 
     @spec.setter
@@ -165,7 +165,7 @@ class RobotVectorEnv(_BaseEnv):
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The generator of each environment."""
+        """The random generator of each environment."""
         return tuple(self._generator(i) for i in range(self.num_envs))
 
     @property
@@ -195,16 +195,16 @@ class RobotVectorEnv(_BaseEnv):
         """Start episodes.
 
         Args:
-            seed: one for each environment, or an integer ``s`` for ``s, s + 1, ...``. Environment
-                ``i`` then has the scenario that a single environment has with its seed.
-            options: ``body``, ``region`` and ``scenario`` as in the single environments, each one
-                for all or one for each; and ``reset_mask``, a bool array that says which
-                environments to reset.
+            seed: Seed for each environment, or an integer ``s`` for ``s, s + 1, ...``. An
+                environment's scenario is the one that a single environment has with its seed.
+            options: Reset options: ``body``, ``region`` and ``scenario`` as in the single
+                environments, each one for all or one for each; and ``reset_mask``, a bool array
+                of the environments to reset.
 
         Raises:
-            OptionError: unknown, malformed or contradictory options, or malformed seeds.
-            BodyError: a malformed body, or one that the task cannot use.
-            ScenarioError: an unknown region, or a scenario that does not fit.
+            OptionError: An option or seed is unknown or malformed, or options exclude each other.
+            BodyError: A body is malformed, or the task cannot use it.
+            ScenarioError: A region is unknown, or a scenario does not fit the task.
         """
         self._check_open()
         given = dict(check_options(without_mask(options)))
@@ -228,7 +228,7 @@ class RobotVectorEnv(_BaseEnv):
         return self._observations(), self._info(mask)
 
     def _draw(self, envs: list[int], regions: Sequence[int | None] | None = None) -> None:
-        """Draw scenarios for environments, with a region for each of all if given."""
+        """Draw scenarios for ``envs``; ``regions``, if given, has one for every environment."""
         self._batch.scenarios.draw(
             envs,
             [self._generator(env) for env in envs],
@@ -254,16 +254,16 @@ class RobotVectorEnv(_BaseEnv):
         NDArray[np.bool_],
         dict[str, Any],
     ]:
-        """Advance every environment one control step, or reset it as ``autoreset_mode`` says.
+        """Advance every environment by one step, or reset it as ``autoreset_mode`` demands.
 
         Args:
-            actions: gas per cell, shape ``(num_envs, n, n)``; read in wheel cells, clipped to
+            actions: Gas per cell, shape ``(num_envs, n, n)``; read in wheel cells, clipped to
                 [-1, 1].
 
         Raises:
-            ResetNeeded: an environment has no episode, or, with autoreset disabled, one that has
+            ResetNeeded: An environment has no episode, or, with autoreset disabled, one that has
                 ended.
-            ActionError: wrong shape, or values that are not finite.
+            ActionError: The actions have the wrong shape, or values that are not finite.
         """
         self._check_open()
         if not self._is_started.all():
@@ -272,8 +272,8 @@ class RobotVectorEnv(_BaseEnv):
         was_done = self._is_done
         if self.autoreset_mode is AutoresetMode.DISABLED and was_done.any():
             raise ResetNeeded(
-                f"The episodes of {int(was_done.sum())} environments, {int(np.argmax(was_done))} "
-                "first, have ended; reset them with options={'reset_mask': ...}."
+                f"Episodes have ended in {int(was_done.sum())} environments, the first of them "
+                f"{int(np.argmax(was_done))}; reset them with options={{'reset_mask': ...}}."
             )
         n = self.settings.grid_size
         self._actions = check_action(actions, (self.num_envs, n, n), "one gas value per cell")
@@ -303,7 +303,7 @@ class RobotVectorEnv(_BaseEnv):
                 path.append((float(poses[env, 0]), float(poses[env, 1])))
 
     def _finish(self) -> dict[str, Any]:
-        """Reset environments whose episode has just ended; their last observation and info."""
+        """Reset environments whose episode has just ended; return their last info."""
         done = self._is_done
         if not done.any():
             return {}
@@ -326,7 +326,7 @@ class RobotVectorEnv(_BaseEnv):
         return self._batch.observations.reshape(self._bodies.shape).copy()
 
     def _info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
-        """The infos of the environments in ``mask``."""
+        """Return the infos of the environments in ``mask``."""
         values: dict[str, NDArray[Any]] = {
             "body": self._bodies.copy(),
             "sensor_mask": self._sensor_masks.copy(),
@@ -336,10 +336,10 @@ class RobotVectorEnv(_BaseEnv):
         return batch_info(values, mask)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """RGB frames of the environments in ``render_envs``; None without a render mode.
+        """Return RGB frames of the environments in ``render_envs``; None without a render mode.
 
         Raises:
-            ResetNeeded: one of them has no episode.
+            ResetNeeded: One of them has no episode.
         """
         if self.render_mode is None:
             gymnasium.logger.warn("render() needs an environment with render_mode='rgb_array'.")
@@ -347,10 +347,10 @@ class RobotVectorEnv(_BaseEnv):
         return tuple(draw_scene(self.scene(env), self.render_size) for env in self._render_envs)
 
     def scene(self, env: int) -> Scene:
-        """What there is to draw of one environment; its path is known for ``render_envs`` only.
+        """Return the scene of one environment; its path is known for ``render_envs`` only.
 
         Raises:
-            ResetNeeded: it has no episode.
+            ResetNeeded: The environment has no episode.
         """
         scenario = self._batch.scenarios[env]
         if scenario is None:

@@ -1,4 +1,4 @@
-"""What the vector environments take and give, for all environments at once."""
+"""Options and infos of the vector environments, for all environments at once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ncrs_envs.tasks import Task
 
 RENDERED_BY_DEFAULT = 4
 NO_STEP_LIMIT = -1
-"""As ``max_episode_steps``: episodes are never truncated (as in ``gymnasium.make``)."""
+"""Value of ``max_episode_steps`` for no truncation, as in ``gymnasium.make``."""
 
 
 class MaskTypeError(OptionError, TypeError):
@@ -27,8 +27,8 @@ def check_mask(mask: Any, count: int) -> NDArray[np.bool_]:
     """Return ``options["reset_mask"]``, shape ``(count,)``; all True for None.
 
     Raises:
-        MaskTypeError: not a numpy array of bools.
-        OptionError: wrong shape, or nothing to reset.
+        MaskTypeError: The mask is not a numpy array of bools.
+        OptionError: The mask has the wrong shape, or selects nothing.
     """
     if mask is None:
         return np.ones(count, dtype=np.bool_)
@@ -46,20 +46,20 @@ def check_mask(mask: Any, count: int) -> NDArray[np.bool_]:
 def check_bodies(
     body: Any, task: Task, grid_size: int, mask: NDArray[np.bool_]
 ) -> NDArray[np.int8]:
-    """Bodies of the environments in ``mask``.
+    """Return the bodies of the environments in ``mask``.
 
     Args:
-        body: one body in any form that ``parse_body`` takes, or an integer array of one body for
+        body: One body in any form that ``parse_body`` takes, or an integer array with a body for
             each environment, shape ``(count, n, n)``.
-        task: must be able to use them.
-        grid_size: their required side.
-        mask: which environments they are for, shape ``(count,)``; the others' are not looked at.
+        task: Task that must be able to use the bodies.
+        grid_size: Required side of the bodies.
+        mask: Mask of the environments, shape ``(count,)``; bodies of the others are not checked.
 
     Returns:
         int8 ``(1, n, n)`` if there is one body for all, else ``(selected, n, n)``.
 
     Raises:
-        BodyError: a malformed body, or one that the task cannot use; names the environment.
+        BodyError: A body is malformed, or the task cannot use it; names the environment.
     """
     if not (isinstance(body, np.ndarray | Sequence) and np.ndim(body) == 3):
         grid = parse_body(body, grid_size)
@@ -72,7 +72,7 @@ def check_bodies(
             f"got {len(bodies)}, shape {bodies.shape}."
         )
     if bodies.shape[1:] != (grid_size, grid_size) or bodies.dtype.kind not in "iu":
-        parse_body(bodies[0], grid_size)  # says what is wrong with all of them
+        parse_body(bodies[0], grid_size)  # raises the error that holds for all of them
     chosen = bodies[mask]
     # Codes beyond int8 would wrap around to known ones.
     fits = ((chosen >= 0) & (chosen <= np.iinfo(np.int8).max)).all(axis=(1, 2))
@@ -87,34 +87,34 @@ def check_bodies(
 
 
 def _for_each(value: Any, kind: type | tuple[type, ...], count: int) -> list[Any]:
-    """``value`` once for each environment: itself if it is of ``kind`` or None, else its items."""
+    """Return one value per environment: ``value`` if it is a ``kind`` or None, else its items."""
     if value is None or isinstance(value, kind) or not isinstance(value, np.ndarray | Sequence):
         return [value] * count
     if len(value) != count:
         raise OptionError(
-            f"Options for single environments must hold one value for each of {count}, "
-            f"got {len(value)}."
+            f"An option must be one value for all or one for each of {count} environments, "
+            f"got {len(value)} values."
         )
     return list(value)
 
 
 def check_regions(region: Any, count: int) -> list[int | None]:
-    """A region, or None for a random one, for each environment.
+    """Return a region, or None for a random one, for each environment.
 
     Raises:
-        OptionError: a sequence of the wrong length.
-        ScenarioError: an unknown region.
+        OptionError: A sequence has the wrong length.
+        ScenarioError: A region is unknown.
     """
     regions = _for_each(region, (int, np.integer), count)
     return [None if region is None else check_region(region) for region in regions]
 
 
 def check_scenarios(scenario: Any, task: Task, grid_size: int, count: int) -> list[Scenario | None]:
-    """A scenario, or None for a random one, for each environment.
+    """Return a scenario, or None for a random one, for each environment.
 
     Raises:
-        OptionError: a sequence of the wrong length.
-        ScenarioError: not a ``Scenario``, or one that does not fit the task.
+        OptionError: A sequence has the wrong length.
+        ScenarioError: A value is not a ``Scenario``, or does not fit the task.
     """
     scenarios = _for_each(scenario, Scenario, count)
     for one in {id(s): s for s in scenarios if s is not None}.values():
@@ -127,19 +127,19 @@ def check_scenarios(scenario: Any, task: Task, grid_size: int, count: int) -> li
 
 
 def check_seeds(seed: Any, count: int) -> list[int | None]:
-    """A seed, or None to go on with the present generator, for each environment.
+    """Return a seed, or None to keep the present generator, for each environment.
 
     An integer ``s`` stands for ``s, s + 1, ...``, as in Gymnasium.
 
     Raises:
-        OptionError: a sequence of the wrong length, or something else.
+        OptionError: A sequence has the wrong length, or a seed has another type.
     """
     if seed is None:
         return [None] * count
     if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
         return [int(seed) + i for i in range(count)]
     if not isinstance(seed, np.ndarray | Sequence) or isinstance(seed, str):
-        raise OptionError(f"seed must be None, an integer or one for each env, got {seed!r}.")
+        raise OptionError(f"seed must be None, an integer or a sequence of them, got {seed!r}.")
     if len(seed) != count:
         raise OptionError(f"seed must hold one for each of {count} environments, got {len(seed)}.")
     return [None if s is None else int(s) for s in seed]
@@ -153,7 +153,7 @@ def check_count(value: Any, name: str) -> int:
 
 
 def grid_side(body: Any) -> int:
-    """Side of the grid that a body, or an array of them, has."""
+    """Return the side of the grid of a body, or of an array of bodies."""
     if body is None:
         return DEFAULT_GRID_SIZE
     if isinstance(body, np.ndarray | Sequence) and np.ndim(body) == 3:
@@ -162,7 +162,7 @@ def grid_side(body: Any) -> int:
 
 
 def without_mask(options: Any) -> Any:
-    """Reset options less the reset mask, which the single environments do not have."""
+    """Return reset options without the mask, which the single environments do not have."""
     if isinstance(options, dict):
         return {name: value for name, value in options.items() if name != "reset_mask"}
     return options
@@ -178,7 +178,7 @@ def check_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
 
 
 def check_render_envs(envs: Sequence[int] | None, count: int) -> list[int]:
-    """Indices of the environments to draw; by default the first few."""
+    """Return the indices of the environments to draw; by default the first few."""
     if envs is None:
         return list(range(min(count, RENDERED_BY_DEFAULT)))
     indices = [int(env) for env in envs]
@@ -188,10 +188,10 @@ def check_render_envs(envs: Sequence[int] | None, count: int) -> list[int]:
 
 
 def batch_info(values: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[str, Any]:
-    """Infos of the environments in ``mask``, batched as Gymnasium batches them.
+    """Return the infos of the environments in ``mask``, batched as in Gymnasium.
 
-    Each key has a companion ``_key`` that says where it holds; elsewhere stand zeros, which are
-    written into ``values``.
+    Each key has a companion ``_key``, the mask of the environments that it is for. Values of the
+    others are set to 0 in ``values`` itself.
     """
     everywhere = bool(mask.all())
     info: dict[str, Any] = {}
@@ -204,7 +204,7 @@ def batch_info(values: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict
 
 
 def check_step_limit(steps: Any) -> int:
-    """Steps after which episodes are truncated; ``OptionError`` unless positive or -1."""
+    """Return the number of steps of an episode; raise ``OptionError`` unless positive or -1."""
     if isinstance(steps, int) and steps == NO_STEP_LIMIT:
         return int(np.iinfo(np.int64).max)
     return check_count(steps, "max_episode_steps")
