@@ -68,5 +68,12 @@ def records(kind: type[RecordType], *shape: int) -> NDArray[RecordType]:
 
 
 def column(array: NDArray[Any], field: str) -> NDArray[Any]:
-    """Return a copy of one field of all records."""
-    return np.array(array[field])
+    """Return one field of all records, as a view."""
+    view: NDArray[Any] = array[field]
+    return view
+
+
+def assign(target: NDArray[RecordType], index: Any, source: NDArray[RecordType]) -> None:
+    """Do ``target[index] = source`` byte by byte; numpy itself copies records field by field."""
+    plain = f"V{target.dtype.itemsize}"
+    target.view(plain)[index] = source.view(plain)

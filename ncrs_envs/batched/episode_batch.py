@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.compiler import kernel
-from ncrs_envs.batched.dtypes import Record, column, records
+from ncrs_envs.batched.dtypes import Record, assign, column, records
 from ncrs_envs.batched.dynamics import grid_center
 from ncrs_envs.batched.layout import State, World, Worlds, make_robots, make_scratch
 from ncrs_envs.batched.records import robot_records, settings_record
@@ -122,7 +122,7 @@ class EpisodeBatch:
                 same body in all of them.
         """
         for array, chosen in zip(self._robots, robot_records(bodies), strict=True):
-            array[episodes] = chosen
+            assign(array, episodes, chosen)
 
     def start(self, episodes: Indices) -> None:
         """Start new episodes in the scenarios that the table holds for them."""
@@ -171,19 +171,19 @@ class EpisodeBatch:
     @property
     def success(self) -> NDArray[np.bool_]:
         """True for episodes that have succeeded, shape ``(count,)``, a copy."""
-        return column(self._episodes.states, "success")
+        return column(self._episodes.states, "success").copy()
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """Return the entries of the environments' infos that steps change, as new arrays."""
         infos: dict[str, NDArray[Any]] = {"pose": self.poses, "success": self.success}
-        to_goal = column(self._episodes.readings, "to_goal")
+        to_goal = column(self._episodes.readings, "to_goal").copy()
         if self._task.has_ball:
-            to_target = column(self._episodes.readings, "to_target")
+            to_target = column(self._episodes.readings, "to_target").copy()
             infos |= {"distance_to_ball": to_goal, "ball_to_target": to_target}
         else:
             infos["distance"] = to_goal
         if self._task.has_walls:
-            infos["crossed"] = column(self._episodes.states, "crossed")
+            infos["crossed"] = column(self._episodes.states, "crossed").copy()
         return infos
 
     def ball(self, episode: int) -> tuple[float, float]:

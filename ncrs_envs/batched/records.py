@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.compiler import kernel
-from ncrs_envs.batched.dtypes import records
+from ncrs_envs.batched.dtypes import column, records
 from ncrs_envs.batched.layout import (
     Edge,
     Point,
@@ -22,7 +22,6 @@ from ncrs_envs.batched.layout import (
     make_scenarios,
     make_scratch,
 )
-from ncrs_envs.batched.layout import Scenario as ScenarioRecord
 from ncrs_envs.batched.robot import prepare_robots
 from ncrs_envs.batched.simulate import make_world
 from ncrs_envs.scenario import MIN_QUAD_SIDE, Scenario, wall_quads
@@ -65,18 +64,21 @@ def scenario_records(scenarios: Sequence[Scenario], grid_size: int) -> Scenarios
         grid_size: Side of the body grid, which determines the extent of the walls.
     """
     rows = make_scenarios(len(scenarios), quad_capacity(scenarios))
-    for scenario, record, quads in zip(scenarios, *rows, strict=True):
-        goal = scenario.ball if scenario.light is None else scenario.light
-        _place(record, scenario.start, goal, scenario.target)
+    _place(rows, "start", [s.start for s in scenarios])
+    _place(rows, "goal", [s.ball if s.light is None else s.light for s in scenarios])
+    _place(rows, "target", [s.target for s in scenarios])
+    for i, scenario in enumerate(scenarios):
         if scenario.walls is not None:
-            record.quad_count = prepare_walls(wall_quads(scenario, grid_size), quads)
+            walls = wall_quads(scenario, grid_size)
+            rows.scenarios[i].quad_count = prepare_walls(walls, rows.quads[i])
     return rows
 
 
-def _place(record: ScenarioRecord, start: Place, goal: Place | None, target: Place | None) -> None:
-    record.start_x, record.start_y = start
-    record.goal_x, record.goal_y = goal or _NOWHERE
-    record.target_x, record.target_y = target or _NOWHERE
+def _place(rows: Scenarios, name: str, places: Sequence[Place | None]) -> None:
+    """Write one place of all scenarios, a whole column at a time: thousands are drawn at once."""
+    points = np.array([place or _NOWHERE for place in places], dtype=np.float64).reshape(-1, 2)
+    column(rows.scenarios, f"{name}_x")[:] = points[:, 0]
+    column(rows.scenarios, f"{name}_y")[:] = points[:, 1]
 
 
 def single_world(settings: TaskSettings, body: NDArray[np.int8], scenario: Scenario) -> World:
@@ -102,21 +104,26 @@ def prepare_walls(walls: NDArray[np.float64], quads: NDArray[Quad]) -> int:
         walls: Corners, shape ``(quads, 4, 2)``, from ``scenario.wall_quads``.
         quads: Output, with room for as many.
     """
+    order = np.empty(len(walls), dtype=np.int64)
+    low_edges = np.empty(len(walls))
     count = 0
     for i in range(len(walls)):
-        if _is_flat(walls[i]):
+        low_x, low_y, high_x, high_y = _box(walls[i])
+        if min(high_x - low_x, high_y - low_y) <= MIN_QUAD_SIDE:
             continue
-        _, low_y, _, _ = _box(walls[i])
-        place = 0
-        for j in range(len(walls)):
-            _, other_y, _, _ = _box(walls[j])
-            is_before = other_y < low_y or (other_y == low_y and j < i)
-            if is_before and not _is_flat(walls[j]):
-                place += 1
-        quad: Quad = quads[place]
-        quad.low_x, quad.low_y, quad.high_x, quad.high_y = _box(walls[i])
-        _write_hull(walls[i], quad)
+        place = count
+        while place > 0 and low_edges[place - 1] > low_y:
+            order[place] = order[place - 1]
+            low_edges[place] = low_edges[place - 1]
+            place -= 1
+        order[place] = i
+        low_edges[place] = low_y
         count += 1
+    for place in range(count):
+        quad: Quad = quads[place]
+        corners = walls[order[place]]
+        quad.low_x, quad.low_y, quad.high_x, quad.high_y = _box(corners)
+        _write_hull(corners, quad)
     return count
 
 
@@ -131,12 +138,6 @@ def _box(corners: NDArray[np.float64]) -> tuple[float, float, float, float]:
         low_y = min(low_y, corners[corner, 1])
         high_y = max(high_y, corners[corner, 1])
     return low_x, low_y, high_x, high_y
-
-
-@kernel
-def _is_flat(corners: NDArray[np.float64]) -> bool:
-    low_x, low_y, high_x, high_y = _box(corners)
-    return bool(min(high_x - low_x, high_y - low_y) <= MIN_QUAD_SIDE)
 
 
 @kernel

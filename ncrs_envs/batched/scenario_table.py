@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs_envs.batched.dtypes import assign
 from ncrs_envs.batched.layout import Scenario as ScenarioRecord
 from ncrs_envs.batched.layout import Scenarios, make_scenarios
 from ncrs_envs.batched.records import scenario_records
@@ -53,8 +54,8 @@ class ScenarioTable:
         if needed > width:
             quads = np.pad(self.records.quads, ((0, 0), (0, needed - width)))
             self.records = self.records._replace(quads=quads)
-        self.records.scenarios[episodes] = rows.scenarios
-        self.records.quads[episodes, :needed] = rows.quads
+        assign(self.records.scenarios, episodes, rows.scenarios)
+        assign(self.records.quads, (episodes, slice(needed)), rows.quads)
 
     def draw(
         self,

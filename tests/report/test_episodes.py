@@ -28,7 +28,7 @@ def _genomes(task: str, count: int) -> np.ndarray:
 def test_a_recorded_episode_earns_what_was_evaluated(task):
     """Bit for bit; rewards are summed step by step, as the rollout does."""
     settings = TaskSettings(task)
-    genomes = nca_layout(task).check_genomes(_genomes(task, 6))
+    genomes = nca_layout(task).check_genomes(_genomes(task, 12))
     scenarios = sample_scenarios(task, 5, 7)
     with BatchedEngine(settings, 2) as engine:
         evaluated = engine.evaluate(genomes, scenarios)

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs_envs.batched.dtypes import Record, column, dtype_of, records
+from ncrs_envs.batched.dtypes import Record, assign, column, dtype_of, records
 
 
 class Inner(Record):
@@ -65,3 +65,15 @@ def test_kernels_and_python_see_the_same_fields():
     assert column(array, "value").tolist() == [0.0, 2.5, 0.0]
     outer.value = 1.0
     assert array["value"].tolist() == [0.0, 1.0, 0.0]
+
+
+def test_assign_copies_whole_records():
+    source, target = records(Outer, 2, 3), records(Outer, 4, 5)
+    column(source, "value")[:] = np.arange(6).reshape(2, 3)
+    source[1, 2].items[3].number = 9
+    assign(target, ([3, 1], slice(3)), source)
+    assert column(target, "value")[[3, 1], :3].tolist() == [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]
+    assert target[1, 2].items[3].number == 9
+    assert not column(target, "value")[[0, 2]].any()
+    assign(target, [0, 2], source[:1, :1])
+    assert column(target, "value")[[0, 2]].tolist() == [[0.0] * 5] * 2
