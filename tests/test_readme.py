@@ -36,7 +36,7 @@ EXPECTED = {
         "genomes.shape": [8, 4572],
     },
     "environments.md": {
-        "scene.light": [20.0, 30.0],
+        "scenario.light": [20.0, 30.0],
         "observations.shape": [4096, 3, 3],
         "vectors.observation_space.shape": [2],
         "sorted(observation)": ["body", "sensors"],
