@@ -62,7 +62,7 @@ def record(robot: EvolvedRobot, scenarios: Sequence[Scenario]) -> list[Recording
 
     Raises:
         ScenarioError: If a scenario does not fit the task.
-        StateError: the automaton's state has become non-finite.
+        StateError: If the automaton's state becomes non-finite.
     """
     for scenario in scenarios:
         scenario.check(robot.task.task, robot.task.grid_size)
@@ -86,7 +86,7 @@ def record_episodes(robot: EvolvedRobot, episodes: int, seed: int) -> list[Recor
 
     Raises:
         ScenarioError: If ``episodes`` is not a positive integer.
-        StateError: the automaton's state has become non-finite.
+        StateError: If the automaton's state becomes non-finite.
     """
     settings = robot.task
     return record(robot, sample_scenarios(settings.task, seed, episodes, settings.grid_size))
