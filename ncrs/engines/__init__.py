@@ -3,7 +3,7 @@
 - ``base``: the interface, its checks, and the registry of engines.
 - ``box2d``, ``pool``: the reference, one process per core.
 - ``batched``, ``rollout_kernels``, ``nca_kernels``, ``tiles``: the compiled engine, one thread per
-  core; ``tapes`` records what the rollout does.
+  core; ``tapes`` records a rollout.
 - ``evaluate``: evaluation in one call, for scripts and notebooks.
 """
 
