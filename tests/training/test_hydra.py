@@ -134,7 +134,7 @@ def test_the_command_line_wins_over_an_experiment(composed):
         (["optimizer.parents=113"], "population 112 is smaller than the 113 parents"),
         (["task.grid_size=2"], "at least 3"),
         (["engine.workers=0"], "workers"),
-        (["-m", "seed=-1,0"], "seed must be at least 0"),
+        (["-m", "seed=-1,0"], "seed must be an integer from 0"),
         (["-m", "generation=range(3,5)"], "Did you mean generations"),
         (["resume=/nowhere"], "holds no run"),
         (["task=[,"], "Cannot read"),
