@@ -20,7 +20,7 @@ def task(request) -> str:
 def _genomes(task: str, count: int) -> np.ndarray:
     """The published champion and genomes around it."""
     champion = load_champion(f"{task}/best").genome
-    noise = np.random.default_rng(2).normal(0.0, 0.02, (count, champion.size))
+    noise = np.random.default_rng(2).normal(0.0, 0.005, (count, champion.size))
     noise[0] = 0.0
     return (champion + noise).astype(np.float32)
 
@@ -28,7 +28,7 @@ def _genomes(task: str, count: int) -> np.ndarray:
 def test_a_recorded_episode_earns_what_was_evaluated(task):
     """Bit for bit; rewards are summed step by step, as the rollout does."""
     settings = TaskSettings(task)
-    genomes = nca_layout(task).check_genomes(_genomes(task, 12))
+    genomes = nca_layout(task).check_genomes(_genomes(task, 6))
     scenarios = sample_scenarios(task, 5, 7)
     with BatchedEngine(settings, 2) as engine:
         evaluated = engine.evaluate(genomes, scenarios)
