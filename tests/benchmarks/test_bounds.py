@@ -38,7 +38,7 @@ def test_positive_turns_are_anticlockwise():
 
 
 def test_who_is_told_more_gets_further():
-    courses = sample_scenarios("obstacle", 0, 200)
+    courses = sample_scenarios("obstacle", 0, 80)
     blind, light, passage, both = (driven(driver, courses) for driver in DRIVERS)
     assert blind[0] < light[0] < both[0]
     assert passage[0] < both[0]
