@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
+from ncrs_envs.body import parse_body
 from ncrs_envs.interface import RESET_OPTIONS, OptionError
 from ncrs_envs.wrappers.signals import ViewError
 
@@ -163,5 +164,5 @@ def _joined(options: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
     if bodies is not None:
         if any(body is None for body in bodies):
             raise OptionError("Give the option body to all environments, or to none.")
-        joined["body"] = np.stack([np.asarray(body) for body in bodies])
+        joined["body"] = np.stack([parse_body(body) for body in bodies])
     return joined or None
