@@ -106,10 +106,10 @@ def test_a_body_with_other_parts_is_refused_and_the_old_ones_stay():
     assert vector.bodies_of(envs).tolist() == np.stack([_grid(b) for b in BODIES]).tolist()
     values, _ = envs.reset(seed=0, options={"body": BODIES[1]})
     assert values.shape == (3, 2)
+    bodies = np.stack([_grid(BODIES[0]), _grid(["LLT", "W.W", "##W"])])
+    uneven = gymnasium.make_vec(ID, 2, body=bodies)
     with pytest.raises(BodyError, match="equally many"):
-        vector.FixedBodyView(
-            gymnasium.make_vec(ID, 2, body=np.stack([_grid(BODIES[0]), _grid(["LLT", "W.W", "##W"])]))
-        )
+        vector.FixedBodyView(uneven)
 
 
 def test_body_conditioned_view_shows_each_body():
