@@ -39,6 +39,7 @@ EXPECTED = {
         "scenario.light": [20.0, 30.0],
         "observations.shape": [4096, 3, 3],
         "vectors.observation_space.shape": [2],
+        "contrasts.shape": [512, 5],
         "sorted(observation)": ["body", "sensors"],
     },
 }
