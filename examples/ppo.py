@@ -88,7 +88,7 @@ class Policy(nn.Module):
         self.log_std = nn.Parameter(torch.full((2,), -0.5))
 
     def forward(self, inputs: Tensor, memory: Tensor | None = None) -> tuple[Any, ...]:
-        """Action distribution, value ``(T, B)`` and memory for inputs ``(T, B, F)``."""
+        """Return action distribution, value ``(T, B)`` and memory for inputs ``(T, B, F)``."""
         if self.recurrent:
             inputs, memory = self.memory(inputs, memory)
         mean, value = self.actor(inputs), self.critic(inputs)[..., 0]

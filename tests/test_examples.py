@@ -1,9 +1,11 @@
 """The examples keep running, and the Braitenberg vehicle keeps solving LightChase."""
 
+import dataclasses
 import runpy
 from pathlib import Path
 
 import pytest
+import torch
 
 import ncrs_envs
 
@@ -45,3 +47,36 @@ def test_an_arrow_at_full_throttle_gets_further_in_obstacle_than_steering(baseli
     _, steering = baselines["run"]("obstacle", vehicle, 64)
     _, sliding = baselines["run"]("obstacle", baselines["full_throttle"], 64, baselines["ARROW"])
     assert steering < sliding
+
+
+@pytest.fixture(scope="module")
+def ppo():
+    return runpy.run_path(str(EXAMPLES / "ppo.py"), run_name="ppo")
+
+
+def test_advantages_by_hand(ppo):
+    settings = ppo["Settings"](gamma=0.5, gae_lambda=0.5)
+    rewards = torch.tensor([[1.0], [0.0], [2.0]])
+    values = torch.tensor([[0.5], [1.0], [0.0]])
+    # Surprises 1, -1 and 2; each counts a quarter as much one step earlier.
+    expected = torch.tensor([[1.0 - 0.25 + 0.125], [-1.0 + 0.5], [2.0]])
+    torch.testing.assert_close(ppo["advantages"](rewards, values, settings), expected)
+
+
+@pytest.mark.parametrize("task", sorted(ncrs_envs.TASKS))
+def test_ppo_trains_and_writes_its_curve(ppo, task, tmp_path):
+    curve = tmp_path / "curve.csv"
+    recipe = ppo["RECIPES"][task]
+    assert recipe.recurrent == (task != "light_chase")
+    settings = dataclasses.replace(recipe, envs=16, steps=3200, test_episodes=8)
+    _, successes = ppo["train"](settings, curve)
+    assert 0 <= successes <= 8
+    rows = curve.read_text().splitlines()
+    assert rows[0] == "steps,seconds,return,success"
+    assert [int(row.split(",")[0]) for row in rows[1:]] == [1600, 3200]
+
+
+@pytest.mark.slow
+def test_ppo_solves_light_chase(ppo):
+    _, successes = ppo["train"](ppo["RECIPES"]["light_chase"])
+    assert successes >= 980
