@@ -68,12 +68,12 @@ def test_ppo_trains_and_writes_its_curve(ppo, task, tmp_path):
     curve = tmp_path / "curve.csv"
     recipe = ppo["RECIPES"][task]
     assert recipe.recurrent == (task != "light_chase")
-    settings = dataclasses.replace(recipe, envs=16, steps=3200, test_episodes=8)
+    settings = dataclasses.replace(recipe, envs=8, steps=1600, test_episodes=8)
     _, successes = ppo["train"](settings, curve)
     assert 0 <= successes <= 8
     rows = curve.read_text().splitlines()
     assert rows[0] == "steps,seconds,return,success"
-    assert [int(row.split(",")[0]) for row in rows[1:]] == [1600, 3200]
+    assert [int(row.split(",")[0]) for row in rows[1:]] == [800, 1600]
 
 
 @pytest.mark.slow

@@ -71,16 +71,18 @@ def test_the_runs_cover_every_optimizer_task_and_engine():
     assert set(REPORTED_RUNS) <= set(RUNS)
 
 
-def test_equal_runs_have_equal_fingerprints(tmp_path):
+def test_a_runs_fingerprint_is_of_its_results_not_of_its_times(tmp_path):
     small = {"generations": "1", "optimizer.population": "16", "champion_every": "1"}
-    overrides = {**COMMON_OVERRIDES, **small, "start_from": "light_chase/best"}
-    found = []
-    for name in ("first", "second"):
-        train(tmp_path / name, overrides)
-        found.append(run_fingerprint(tmp_path / name))
-    assert found[0] == found[1]
-    assert found[0].keys() == {"archive", "elites", "champion", "metrics"}
-    assert 0 < found[0]["elites"] <= 16
+    train(tmp_path, {**COMMON_OVERRIDES, **small, "start_from": "light_chase/best"})
+    found = run_fingerprint(tmp_path)
+    assert found.keys() == {"archive", "elites", "champion", "metrics"}
+    assert 0 < found["elites"] <= 16
+    names, values = (line.split(",") for line in (tmp_path / "metrics.csv").read_text().split())
+    for name, differs in (("time/ask_s", False), ("fitness/best", True)):
+        changed = list(values)
+        changed[names.index(name)] = "0.125"
+        (tmp_path / "metrics.csv").write_text("\n".join(map(",".join, (names, changed))) + "\n")
+        assert (run_fingerprint(tmp_path)["metrics"] != found["metrics"]) is differs
 
 
 def test_a_run_that_fails_says_why(tmp_path):

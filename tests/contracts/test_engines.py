@@ -121,19 +121,19 @@ def test_scenarios_per_genome(engine, full_genome):
 
 
 def test_other_grids_scores_and_radii(engine, genomes):
-    vectors = genomes(12, seed=2)
-    plain = evaluate(vectors, "light_chase", engine=engine, episodes=4)
+    vectors = genomes(6, seed=2)
+    plain = evaluate(vectors, "light_chase", engine=engine, episodes=2)
     assert plain.valid.any()
-    wide = evaluate(vectors, "light_chase", engine=engine, episodes=4, success_radius=500.0)
+    wide = evaluate(vectors, "light_chase", engine=engine, episodes=2, success_radius=500.0)
     assert wide.success[wide.valid].all()
     np.testing.assert_array_equal(wide.episode_fitness, plain.episode_fitness)
     inverse = evaluate(
-        vectors, "light_chase", engine=engine, episodes=4, distance_score="inverse_square"
+        vectors, "light_chase", engine=engine, episodes=2, distance_score="inverse_square"
     )
     # (d + 1)^-2 lies below exp(-d) for all d > 0.
     assert (inverse.fitness[inverse.valid] < plain.fitness[plain.valid]).all()
     large = evaluate(vectors, "light_chase", engine=engine, episodes=2, grid_size=7)
-    assert large.bodies.shape == (12, 7, 7)
+    assert large.bodies.shape == (6, 7, 7)
     assert large.valid.any()
 
 

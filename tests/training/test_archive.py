@@ -34,7 +34,7 @@ SETTINGS = {
     # The full covariance of 4,572 weights: checkpoints of 84 MB, written in the background.
     "cma_es": {"population": 10, "sigma": 0.1},
 }
-FEWER_GENERATIONS = {"cma_es": 5}
+FEWER_GENERATIONS = {"cma_es": 4}
 """Number of generations of optimizers whose checkpoints take long to write."""
 
 
@@ -163,12 +163,12 @@ def test_the_curves_of_the_archive(undisturbed):
     accumulator = EventAccumulator(str(run_dir)).Reload()
     statistics = load_archive(run_dir).archive.statistics()
     for name in (*statistics, "new", "improved"):
-        events = accumulator.Scalars(f"archive/{name}")
+        events = accumulator.Scalars(f"qd/{name}")
         assert events[-1].step == GENERATIONS - 1, name
         if name in statistics:
             assert events[-1].value == pytest.approx(statistics[name]), name
-    filled = [event.value for event in accumulator.Scalars("archive/filled")]
-    new = [event.value for event in accumulator.Scalars("archive/new")]
+    filled = [event.value for event in accumulator.Scalars("qd/filled")]
+    new = [event.value for event in accumulator.Scalars("qd/new")]
     np.testing.assert_array_equal(np.cumsum(new), filled)
 
 

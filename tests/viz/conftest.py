@@ -13,7 +13,7 @@ def small(**changes):
     return dataclasses.replace(
         TrainConfig(
             optimizer=SepCMAESSettings(sigma=0.1, population=16, parents=None, step_size="csa"),
-            engine=EngineSettings(name="box2d", workers=1),
+            engine=EngineSettings(name="batched", workers=1),
             symmetric=False,
             mirroring="none",
             generations=2,
