@@ -32,9 +32,9 @@ from ncrs.runs.metrics import read_metrics
 from ncrs.runs.published import (
     CARD_SUFFIX,
     CHAMPION_SUFFIX,
-    CHECKOUT_FOLDER,
     PICTURE_SUFFIX,
     champions,
+    champions_folder,
     file_stem,
     load_champion,
 )
@@ -143,7 +143,7 @@ def collect(run: Path, name: str) -> None:
     config, training = asdict(load_config(run)), training_of(run)
     if config["start_from"] is not None:
         config["start_from"] = _start_name(config["start_from"])
-    stem = CHECKOUT_FOLDER / file_stem(name)
+    stem = champions_folder() / file_stem(name)
     stem.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(run / CHAMPION_FILE, stem.with_suffix(CHAMPION_SUFFIX))
     card = {

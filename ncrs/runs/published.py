@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointError
+from ncrs.runs.resources import resource_folder
 from ncrs_envs.errors import NCRSError
 
 CHAMPION_SUFFIX, CARD_SUFFIX, PICTURE_SUFFIX = ".npz", ".json", ".png"
-CHECKOUT_FOLDER = Path(__file__).parents[2] / "assets" / "champions"
-_INSTALLED = "share/ncrs/champions"
 
 
 class ChampionError(NCRSError, LookupError, ValueError):
@@ -39,22 +37,8 @@ def file_stem(name: str) -> str:
 
 
 def champions_folder() -> Path:
-    """Find the folder of the champions' files: in the checkout, or among the installed data.
-
-    Raises:
-        ChampionError: If there is neither, because the installation is incomplete.
-    """
-    if CHECKOUT_FOLDER.is_dir():
-        return CHECKOUT_FOLDER
-    # Only the installer knows where its data files went.
-    try:
-        files = metadata.files("ncrs") or ()
-    except metadata.PackageNotFoundError:
-        files = ()
-    for file in files:
-        if file.as_posix().rpartition("/")[0].endswith(_INSTALLED):
-            return Path(str(file.locate())).parent
-    raise ChampionError("This installation of ncrs has no champions; reinstall it.")
+    """Return the folder of the champions' files; raise ``InstallationError`` if it is missing."""
+    return resource_folder("champions")
 
 
 def champion_file(name: str) -> Path:

@@ -50,7 +50,7 @@ def load_robot(
         GenomeError: If the file holds no genome of the task.
         BodyError: If the genome grows a body that the task cannot use.
         CheckpointError: If a file is damaged.
-        ChampionError: If there is no such path, and the installation has no champions.
+        InstallationError: If there is no such path, and the installation has no champions.
     """
     path = Path(source)
     if not path.exists() and path.as_posix() not in champions():

@@ -79,7 +79,7 @@ def test_a_damaged_card_is_recognised(tmp_path, monkeypatch):
     folder = tmp_path / "champions"
     shutil.copytree(champions_folder(), folder)
     (folder / "light_chase-best.json").write_text("{")
-    monkeypatch.setattr(ncrs.runs.published, "CHECKOUT_FOLDER", folder)
+    monkeypatch.setattr(ncrs.runs.published, "champions_folder", lambda: folder)
     with pytest.raises(CheckpointError, match="not valid JSON"):
         ncrs.load_champion("light_chase/best")
 
