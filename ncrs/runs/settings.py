@@ -17,6 +17,7 @@ from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
 from ncrs.evolution.optimizers import OPTIMIZERS, OptimizerSettings, SepCMAESSettings
 from ncrs.runs.checkpoint import write_json
 from ncrs.runs.seeds import SeedError, check_seed
+from ncrs.runs.wording import train_command
 from ncrs_envs.checks import check_types, closest
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.mirroring import AUTO_MIRRORING, ScenarioSampling, resolve_mirroring
@@ -182,7 +183,7 @@ def unknown_setting(name: str, record: type) -> ConfigError:
                 known.setdefault(other, f"{part}.{other}")
     similar = [known[other] for other in closest(key, known)]
     hint = f" Did you mean {' or '.join(similar)}?" if similar else ""
-    return ConfigError(f"Unknown setting {name!r}.{hint} python train.py --help lists all.")
+    return ConfigError(f"Unknown setting {name!r}.{hint} {train_command()} --help lists all.")
 
 
 def _names(record: type) -> list[str]:
@@ -260,6 +261,17 @@ def lasting_settings(config: TrainConfig) -> dict[str, Any]:
         group, _, key = name.rpartition(".")
         del (values[group] if group else values)[key]
     return values
+
+
+def flat_settings(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Flatten settings in groups to settings with dotted names."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            flat |= flat_settings(value, f"{prefix}{name}.")
+        else:
+            flat[prefix + name] = value
+    return flat
 
 
 def check_same_settings(run: Mapping[str, Any], given: Mapping[str, Any], prefix: str = "") -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from ncrs.runs.folders import Group, find_runs, group_runs
+from ncrs.viz.errors import VizError
 from ncrs.viz.figures_archive import archive_plot, histogram_plot
 from ncrs.viz.figures_curves import fitness_plot
 from ncrs.viz.figures_robots import channels_plot, designs_plot, positions_plot
 from ncrs.viz.options import FigureOptions
-from ncrs.viz.runs import Group, VizError, find_runs, group_runs
 from ncrs.viz.style import Plot, style
 
 
@@ -38,7 +39,7 @@ def save_figures(
     """Draw all figures that the runs have data for, and write them into a folder.
 
     Args:
-        paths: Folders of runs, or of sweeps; runs are compared by task and method.
+        paths: Folders of runs, or of sweeps; runs are grouped by all settings but the seed.
         folder: Folder to write to, made if missing.
         options: Axis and episodes; None for the defaults.
 
@@ -46,7 +47,8 @@ def save_figures(
         Paths of all files: PNG, SVG and CSV of each figure.
 
     Raises:
-        VizError: If there is no run, or nothing to show yet.
+        ConfigError: If there is no run.
+        VizError: If there is nothing to show yet.
         ScenarioError: If the number of episodes is not a positive integer.
     """
     options = FigureOptions() if options is None else options

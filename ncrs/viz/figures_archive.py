@@ -10,16 +10,16 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
 from ncrs.runs.elites import EliteArchive
+from ncrs.runs.folders import Group, tasks_of
 from ncrs.viz.archive_grid import archive_grid
-from ncrs.viz.runs import Group, tasks_of
 from ncrs.viz.style import (
     COLUMN,
     EMPTY_CELL,
     WIDTH,
     Plot,
     colormap,
-    method_name,
-    method_style,
+    recipe_name,
+    recipe_styles,
 )
 from ncrs_envs.canvas import AMOUNTS
 from ncrs_envs.tasks import get_task
@@ -68,7 +68,7 @@ def archive_plot(elites: EliteArchive, name: str) -> Plot:
 def histogram_plot(groups: Sequence[Group]) -> Plot | None:
     """Plot a histogram of the elites' fitness; None if no run has elites.
 
-    One panel per task, one line per method: the mean of its runs.
+    One panel per task, one line per method and variant: the mean of its runs.
     """
     found = {
         group.name: [
@@ -81,7 +81,7 @@ def histogram_plot(groups: Sequence[Group]) -> Plot | None:
     shown = [group for group in groups if found[group.name]]
     if not shown:
         return None
-    tasks = tasks_of(shown)
+    tasks, looks = tasks_of(shown), recipe_styles(shown)
     figure = Figure(figsize=(min(WIDTH, COLUMN * len(tasks)), 2.5))
     panels = figure.subplots(1, len(tasks), squeeze=False)[0]
     rows: list[list[object]] = []
@@ -95,16 +95,16 @@ def histogram_plot(groups: Sequence[Group]) -> Plot | None:
             panel.stairs(
                 counts,
                 edges,
-                **method_style(group.method),
+                **looks[group.method, group.variant],
                 lw=1.2,
-                label=f"{method_name(group.method)} ({counts.sum():.0f} elites)",
+                label=f"{recipe_name(group.method, group.variant)} ({counts.sum():.0f} elites)",
             )
             rows += [
-                [task, group.method, low, high, count, len(runs)]
+                [task, group.method, group.variant, low, high, count, len(runs)]
                 for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
             ]
         panel.set(title=get_task(task).title, xlabel="fitness of the elite")
         panel.legend(loc="upper left")
     panels[0].set_ylabel("elites per run")
-    columns = ["task", "method", "from", "to", "elites_per_run", "runs"]
+    columns = ["task", "method", "settings", "from", "to", "elites_per_run", "runs"]
     return Plot("archive_histogram", figure, columns, rows)

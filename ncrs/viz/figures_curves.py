@@ -1,4 +1,4 @@
-"""Figures of the best fitness by generation: median and range of a method's seeds."""
+"""Figures of the best fitness by generation: median and range of the seeds."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ncrs.runs.folders import Group, tasks_of
 from ncrs.viz.options import AXES
-from ncrs.viz.runs import Group, tasks_of
-from ncrs.viz.style import COLUMN, WIDTH, Plot, method_name, method_style
+from ncrs.viz.style import COLUMN, WIDTH, Plot, recipe_name, recipe_styles
 from ncrs_envs.tasks import get_task
 
 _BEST = "fitness/best"
@@ -32,7 +32,7 @@ def fitness_curves(group: Group, axis: str) -> tuple[NDArray[np.float64], NDArra
 def fitness_plot(groups: Sequence[Group], axis: str) -> Plot | None:
     """Plot best fitness; None if no run has a table of its curves.
 
-    One panel per task, one line per method.
+    One panel per task, one line per method and variant of its settings.
 
     Args:
         groups: Groups to compare.
@@ -45,19 +45,22 @@ def fitness_plot(groups: Sequence[Group], axis: str) -> Plot | None:
     tasks = tasks_of(shown)
     figure = Figure(figsize=(min(WIDTH, COLUMN * len(tasks)), 2.8))
     panels = figure.subplots(1, len(tasks), squeeze=False)[0]
+    looks = recipe_styles(shown)
     rows: list[list[object]] = []
     for group in shown:
         x, best = curves[group.name]
         median, low, high = np.median(best, axis=0), best.min(axis=0), best.max(axis=0)
-        look = method_style(group.method)
+        look = looks[group.method, group.variant]
         panel = panels[tasks.index(group.task)]
         seeds = len(best)
-        label = f"{method_name(group.method)} ({seeds} seed{'s' if seeds > 1 else ''})"
+        label = (
+            f"{recipe_name(group.method, group.variant)} ({seeds} seed{'s' if seeds > 1 else ''})"
+        )
         panel.plot(x, median, **look, label=label)
         if seeds > 1:
             panel.fill_between(x, low, high, color=look["color"], alpha=0.2, lw=0)
         rows += [
-            [group.task, group.method, *values]
+            [group.task, group.method, group.variant, *values]
             for values in zip(x, median, low, high, [seeds] * len(x), strict=True)
         ]
     for task, panel in zip(tasks, panels, strict=True):
@@ -66,5 +69,5 @@ def fitness_plot(groups: Sequence[Group], axis: str) -> Plot | None:
         # Below the panel: curves may run anywhere in it.
         panel.legend(loc="upper left", bbox_to_anchor=(0.0, -0.22), borderaxespad=0.0)
     panels[0].set_ylabel("best fitness (median, range)")
-    columns = ["task", "method", axis, "median", "lowest", "highest", "seeds"]
+    columns = ["task", "method", "settings", axis, "median", "lowest", "highest", "seeds"]
     return Plot("fitness", figure, columns, rows)

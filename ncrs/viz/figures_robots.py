@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Rectangle
 
+from ncrs.runs.folders import Group, recipes_of, tasks_of
 from ncrs.runs.robot import EvolvedRobot
 from ncrs.viz.body_patches import add_body, add_silhouette, cell_legend
 from ncrs.viz.recording import Recording, record_episodes
-from ncrs.viz.runs import Group, methods_of, tasks_of
-from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, colormap, method_name
+from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, colormap, recipe_name
 from ncrs_envs.body import body_to_characters
 from ncrs_envs.canvas import SIGNED
 from ncrs_envs.physics import TARGET_SIDE
@@ -28,27 +28,27 @@ _MOMENTS = ("seed", "end of growth", "end of control")
 def designs_plot(groups: Sequence[Group]) -> Plot | None:
     """Draw the fittest champion of every group; None if there is none.
 
-    Tasks down, methods across.
+    Tasks down, methods and their variants across.
     """
-    best = {(group.task, group.method): group.champions()[:1] for group in groups}
-    shown = [group for group in groups if best[group.task, group.method]]
+    best = {(group.task, (group.method, group.variant)): group.champions()[:1] for group in groups}
+    shown = [group for group in groups if best[group.task, (group.method, group.variant)]]
     if not shown:
         return None
-    tasks, methods = tasks_of(shown), methods_of(shown)
+    tasks, recipes = tasks_of(shown), recipes_of(shown)
     width, height = 1.75, 2.35
-    figure = Figure(figsize=(max(COLUMN, width * len(methods)), height * len(tasks) + 0.4))
-    panels = figure.subplots(len(tasks), len(methods), squeeze=False)
+    figure = Figure(figsize=(max(COLUMN, width * len(recipes)), height * len(tasks) + 0.4))
+    panels = figure.subplots(len(tasks), len(recipes), squeeze=False)
     rows: list[list[object]] = []
     seen = []
     for place, panel in np.ndenumerate(panels):
-        task, method = tasks[place[0]], methods[place[1]]
-        if not best.get((task, method)):
+        task, recipe = tasks[place[0]], recipes[place[1]]
+        if not best.get((task, recipe)):
             panel.set_axis_off()
             continue
-        run, champion = best[task, method][0]
+        run, champion = best[task, recipe][0]
         sensors, wheels, cells = champion.measures
         add_body(panel, champion.body)
-        panel.set_title(f"{get_task(task).title}, {method_name(method)}")
+        panel.set_title(f"{get_task(task).title}, {recipe_name(*recipe)}")
         panel.set_xlabel(
             f"fitness {champion.fitness:.3f}, success {champion.success:.0%}\n"
             f"{cells} cells, {wheels} wheels, {sensors} sensors",
@@ -57,11 +57,12 @@ def designs_plot(groups: Sequence[Group]) -> Plot | None:
         seen.append(champion.body.ravel())
         drawn = body_to_characters(champion.body).replace("\n", "/")
         values = (champion.fitness, champion.success, sensors, wheels, cells, drawn)
-        rows.append([task, method, run.folder.name, run.config.seed, *values])
+        rows.append([task, *recipe, run.folder.name, run.config.seed, *values])
     handles = cell_legend(np.concatenate(seen), [get_task(task) for task in tasks])
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     columns = [
-        "task", "method", "run", "seed", "fitness", "success", "sensors", "wheels", "cells", "body",
+        "task", "method", "settings", "run", "seed", "fitness", "success", "sensors", "wheels",
+        "cells", "body",
     ]  # fmt: skip
     return Plot("designs", figure, columns, rows)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ncrs.viz.runs import VizError
+from ncrs.viz.errors import VizError
 
 _GIF_WIDTH = 540
 _GIF_FPS = 12.5

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from ncrs.viz.runs import VizError
+from ncrs.viz.errors import VizError
 
 MIN_HEIGHT, MAX_HEIGHT = 240, 1440
 """Limits of a film's height in pixels."""

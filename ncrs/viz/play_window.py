@@ -6,9 +6,9 @@ import os
 from typing import Any
 
 from ncrs.automaton.threads import one_torch_thread
+from ncrs.viz.errors import VizError
 from ncrs.viz.play_session import PlaySession
 from ncrs.viz.play_view import draw_play, layout_of
-from ncrs.viz.runs import VizError
 from ncrs_envs.body import Cell
 from ncrs_envs.physics import DT
 

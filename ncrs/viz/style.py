@@ -16,6 +16,7 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from ncrs.runs.checkpoint import write_atomically
+from ncrs.runs.folders import Group, recipes_of
 from ncrs_envs.canvas import Color
 
 WIDTH = 7.0
@@ -73,11 +74,28 @@ def method_name(method: str) -> str:
     return METHOD_NAMES.get(method, method)
 
 
-def method_style(method: str) -> dict[str, Any]:
-    """Return the colour and line style of a method, the same in all figures."""
-    known = list(METHOD_NAMES)
-    index = known.index(method) if method in known else len(known)
-    return {"color": COLORS[index], "ls": LINES[index]}
+def recipe_name(method: str, variant: str) -> str:
+    """Return an optimizer's name and the settings of the variant for display."""
+    return f"{method_name(method)}, {variant}" if variant else method_name(method)
+
+
+def recipe_styles(groups: Sequence[Group]) -> dict[tuple[str, str], dict[str, Any]]:
+    """Assign a colour and line style to each method with its variant.
+
+    A method that has no variants looks the same in all figures.
+    """
+    recipes, known = recipes_of(groups), list(METHOD_NAMES)
+    if len({method for method, _ in recipes}) == len(recipes):
+        places = {recipe: known.index(recipe[0]) for recipe in recipes if recipe[0] in known}
+    else:
+        places = {recipe: index for index, recipe in enumerate(recipes)}
+    return {
+        recipe: {
+            "color": COLORS[places.get(recipe, -1) % len(COLORS)],
+            "ls": LINES[places.get(recipe, -1) % len(LINES)],
+        }
+        for recipe in recipes
+    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,11 @@ from PIL import Image
 from ncrs.cli import main
 from ncrs.runs.champion import load_champion_file
 from ncrs.runs.elites import load_archive
+from ncrs.runs.folders import find_runs, group_runs
 from ncrs.runs.metrics import read_metrics
+from ncrs.viz.errors import VizError
 from ncrs.viz.figures_curves import fitness_plot
 from ncrs.viz.options import FigureOptions
-from ncrs.viz.runs import VizError, find_runs, group_runs
 
 
 def table(path):
@@ -24,7 +25,7 @@ def table(path):
 @pytest.fixture(scope="module")
 def figures(sweep, tmp_path_factory):
     folder = tmp_path_factory.mktemp("figures")
-    main(["figures", str(sweep), "--out", str(folder), "--episodes", "2"])
+    main(["figures", str(sweep), "--output", str(folder), "--episodes", "2"])
     return folder
 
 
@@ -86,7 +87,7 @@ def test_channels_and_positions(sweep, figures):
 
 
 def test_figures_repeat(figures, sweep, tmp_path):
-    main(["figures", str(sweep / "2"), "--out", str(tmp_path), "--episodes", "2"])
+    main(["figures", str(sweep / "2"), "--output", str(tmp_path), "--episodes", "2"])
     name = "positions_light_chase_map_elites"
     for kind in ("svg", "csv", "png"):
         first, second = ((folder / f"{name}.{kind}").read_bytes() for folder in (figures, tmp_path))
@@ -114,7 +115,13 @@ def test_bad_input_is_one_sentence(tmp_path, sweep, capsys):
         "holds no run": [str(empty)],
         "is not a folder": [str(tmp_path / "none")],
         "Nothing to draw yet": [str(young)],
-        "positive integer": [str(sweep / "0"), "--episodes", "0", "--out", str(tmp_path / "out")],
+        "positive integer": [
+            str(sweep / "0"),
+            "--episodes",
+            "0",
+            "--output",
+            str(tmp_path / "out"),
+        ],
     }
     for message, arguments in cases.items():
         with pytest.raises(SystemExit) as caught:

@@ -9,9 +9,9 @@ from ncrs.cli import main
 from ncrs.runs.elites import load_archive
 from ncrs.runs.sources import load_robot
 from ncrs.viz import film_files
+from ncrs.viz.errors import VizError
 from ncrs.viz.films import FilmSize, channel_picture, growth_frames, timed_frames
 from ncrs.viz.options import FilmOptions
-from ncrs.viz.runs import VizError
 from ncrs_envs.canvas import SIGNED
 
 
@@ -21,7 +21,7 @@ def robot(sweep):
 
 
 def test_mp4_and_gif_have_the_length_of_the_story(sweep, tmp_path, capsys):
-    arguments = ["--out", str(tmp_path), "--episodes", "1", "--height", "240", "--speed", "1"]
+    arguments = ["--output", str(tmp_path), "--episodes", "1", "--height", "240", "--speed", "1"]
     main(["film", str(sweep / "0"), *arguments])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["film.gif", "film.mp4"]
     seconds = 11 * 0.4 + 1.0 + 101 / 50 + 1.0
@@ -90,7 +90,7 @@ def test_an_elite_and_a_genome_are_robots_too(sweep, tmp_path, robot):
         (["{tmp}/text.npy", "--task", "light_chase"], "not a numpy file"),
         (["{run}", "--height", "9"], "height must be from 240"),
         (["{run}", "--speed", "0"], "speed must be above 0"),
-        (["{run}", "--out", "{tmp}/none"], "there is no folder"),
+        (["{run}", "--output", "{tmp}/none"], "there is no folder"),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, message, sweep, tmp_path, robot, capsys):
@@ -114,7 +114,7 @@ def test_a_missing_encoder_is_one_sentence(sweep, tmp_path, monkeypatch, capsys)
 
     monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", missing)
     with pytest.raises(SystemExit) as caught:
-        main(["film", str(sweep / "0"), "--out", str(tmp_path)])
+        main(["film", str(sweep / "0"), "--output", str(tmp_path)])
     assert caught.value.code == 2
     assert "no video encoder for MP4" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

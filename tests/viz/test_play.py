@@ -5,10 +5,10 @@ import pytest
 
 from ncrs.cli import main
 from ncrs.runs.sources import load_robot
+from ncrs.viz.errors import VizError
 from ncrs.viz.play_session import PlaySession, steering
 from ncrs.viz.play_view import draw_play, layout_of
 from ncrs.viz.play_window import DEFAULT_SPEED, PlayWindow
-from ncrs.viz.runs import VizError
 from ncrs_envs.body import BodyError, Cell, parse_body
 from ncrs_envs.tasks import CARRY_BALL, LIGHT_CHASE, TaskSettings, default_body
 
