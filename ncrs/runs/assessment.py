@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ncrs.engines.base import make_engine
+from ncrs.runs.checkpoint import CheckpointError, write_json
 from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.seeds import Stream, seed_sequence
-from ncrs.runs.statistics import wilson_interval
+from ncrs.runs.statistics import NORMAL_95, wilson_interval
 from ncrs_envs.body import body_to_characters
 from ncrs_envs.scenario import sample_scenarios
 
@@ -18,6 +22,8 @@ EPISODES = 100
 """Number of fresh episodes in the paper's tests."""
 _EPISODES_FOR_A_DECIMAL = 1000
 """Number of episodes from which on a tenth of a percent is worth printing."""
+ASSESSMENT_FILE = "evaluation.json"
+"""Name of the file in a run's folder with the result of the champion's last test."""
 REFERENCE_ENGINE = "box2d"
 """Engine of champions' tests, whichever they evolved on: the reference physics."""
 
@@ -63,6 +69,11 @@ class Assessment:
     """Episodes that crossed; None outside Obstacle."""
     body: str
     """The body as rows of characters."""
+
+    def fitness_interval(self) -> tuple[float, float]:
+        """Compute the 95 % interval of the mean fitness."""
+        half = NORMAL_95 * self.fitness_standard_error
+        return self.fitness - half, self.fitness + half
 
     def as_json(self) -> dict[str, Any]:
         """Return the result as JSON values."""
@@ -119,3 +130,40 @@ def assess(
         crossed=crossed if settings.task.has_walls else None,
         body=body_to_characters(result.bodies[0]),
     )
+
+
+def save_assessment(assessment: Assessment, folder: Path) -> Path:
+    """Write the result of a test into a folder and return the file's path.
+
+    Raises:
+        CheckpointError: If it cannot be written.
+    """
+    path = folder / ASSESSMENT_FILE
+    write_json(path, assessment.as_json())
+    return path
+
+
+def find_assessment(folder: Path) -> Assessment | None:
+    """Read the result of the last test in a folder; None if there is none.
+
+    Raises:
+        CheckpointError: If the file holds something else.
+    """
+    path = folder / ASSESSMENT_FILE
+    if not path.is_file():
+        return None
+    try:
+        values: Mapping[str, Any] = json.loads(path.read_text())
+        success, crossed = values["success"], values["crossed"]
+        return Assessment(
+            **{
+                **values,
+                "success": Proportion.of(success["count"], success["episodes"]),
+                "crossed": crossed and Proportion.of(crossed["count"], crossed["episodes"]),
+            }
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        raise CheckpointError(
+            f"{path} does not hold the result of a test: {error}. Write it again "
+            "with ncrs evaluate."
+        ) from error

@@ -27,6 +27,8 @@ _JSON_MEMBER = "json"
 _ARRAY_KEY = "__array__"
 _PATTERN = "generation_*.npz"
 _KEPT = 2
+CHECKPOINT_FOLDER = "checkpoints"
+"""Name of the folder in a run's folder."""
 _TEMPORARY = ".tmp"
 _DAMAGED = ".damaged"
 
@@ -269,3 +271,9 @@ class CheckpointFolder:
             reasons = " ".join(damaged.values())
             raise CheckpointError(f"No whole checkpoint in {self.folder}: {reasons}")
         raise CheckpointError(f"No checkpoint in {self.folder}: the run was not started there.")
+
+
+def generations_done(folder: Path) -> int:
+    """Return the generations done until the newest checkpoint in a folder; 0 without one."""
+    paths = CheckpointFolder(folder).paths()
+    return int(paths[0].stem.rpartition("_")[2]) if paths else 0

@@ -1,6 +1,9 @@
-"""Numbers as text."""
+"""Numbers and commands as text."""
 
 from __future__ import annotations
+
+import sys
+from pathlib import Path
 
 
 def duration(seconds: float) -> str:
@@ -10,3 +13,13 @@ def duration(seconds: float) -> str:
     if hours:
         return f"{hours} h {minutes} min"
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+def train_command() -> str:
+    """Return the command that trains, as this process was started: train.py's, or ncrs's own."""
+    return "python train.py" if Path(sys.argv[0]).name == "train.py" else "ncrs train"
+
+
+def program_name() -> str:
+    """Return the name of the program that trains, to begin its error messages with."""
+    return train_command().removeprefix("python ")

@@ -7,15 +7,28 @@ from time import perf_counter
 from typing import Any
 
 from ncrs.runs.champion import CHAMPION_FILE
-from ncrs.runs.checkpoint import CheckpointFolder
+from ncrs.runs.checkpoint import CHECKPOINT_FOLDER, CheckpointFolder
 from ncrs.runs.elites import ARCHIVE_FILE
+from ncrs.runs.lock import RunError
 from ncrs.runs.settings import TrainConfig, check_same_settings, lasting_settings
 from ncrs.training.search import Search
 from ncrs.training.selection import ChampionSelection
 from ncrs.training.state import RunState
 from ncrs.training.versions import versions, warn_of_other_versions
 
-CHECKPOINT_FOLDER = "checkpoints"
+
+def holds_run(folder: Path) -> bool:
+    """Return True if a folder holds a run that can be resumed."""
+    return bool(CheckpointFolder(folder / CHECKPOINT_FOLDER).paths())
+
+
+def check_new_run(folder: Path) -> None:
+    """Raise ``RunError`` if a folder holds a run, which a new one must not overwrite."""
+    if holds_run(folder):
+        raise RunError(
+            f"{folder} already holds a run; continue it with resume={folder}, or use another "
+            "folder."
+        )
 
 
 class RunFiles:
@@ -41,7 +54,7 @@ class RunFiles:
     @property
     def exist(self) -> bool:
         """True if the folder holds a run."""
-        return bool(self._checkpoints.paths())
+        return holds_run(self._run_dir)
 
     @property
     def are_due(self) -> bool:

@@ -1,16 +1,16 @@
-"""Hydra's side of the settings: schema, groups, help, error messages, resuming, run folder."""
+"""Hydra's side of the settings: schema, groups, help, error messages, resuming, folders."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import hashlib
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
 
-from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
-from hydra.core.hydra_config import HydraConfig
 from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
@@ -29,20 +29,33 @@ from ncrs.runs.settings import (
     load_config,
     unknown_setting,
 )
+from ncrs.runs.wording import train_command
 from ncrs.training.explanations import all_explanations
+from ncrs.training.files import holds_run
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import TASKS, TaskSettings
 
 CONFIG_NAME = "config"
+_EXTRAS = {
+    "hydra/launcher": {"joblib": "sweep", "submitit_local": "slurm", "submitit_slurm": "slurm"},
+    "hydra/sweeper": {"optuna": "sweep"},
+}
+"""Plugins of Hydra by group and name, with the extra that installs them."""
 HYDRA_VERSION = "1.3"
+BASIC_SWEEPER = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
 SCHEMA = "train_schema"
-_SWEEP_FLAGS = {"-m", "--multirun"}
 
-_HELP = """\
+_LONGEST_NAME = 150
+"""Maximum number of characters of a job's name, without its digest."""
+
+
+def _help() -> str:
+    command = train_command()
+    return f"""\
 Evolve a robot, or sweep over settings:
 
-  python train.py SETTING=VALUE ...
-  python train.py -m SETTING=VALUE,VALUE ...
+  {command} SETTING=VALUE ...
+  {command} -m SETTING=VALUE,VALUE ...
 
 Groups of settings, of which one is chosen with GROUP=NAME:
 
@@ -66,20 +79,36 @@ def register() -> None:
         store.store(group="optimizer", name=optimizer, node=entry.settings)
     for engine in (AUTO_ENGINE, *ENGINES):
         store.store(group="engine", name=engine, node=EngineSettings(engine))
-    # A resumed run stays in its folder, and keeps Hydra's record of its start.
-    OmegaConf.register_new_resolver(
-        "ncrs_run_dir", lambda resume, new: new if resume is None else resume, replace=True
-    )
-    OmegaConf.register_new_resolver(
-        "ncrs_hydra_dir", lambda resume: ".hydra" if resume is None else None, replace=True
-    )
-    OmegaConf.register_new_resolver(
-        "ncrs_help", lambda: _HELP + all_explanations().replace("$", "$$"), replace=True
-    )
+    resolvers: Mapping[str, Callable[..., object]] = {
+        # A resumed run stays in its folder, and keeps Hydra's record of its start.
+        "ncrs_run_dir": lambda resume, new: new if resume is None else resume,
+        "ncrs_hydra_dir": lambda folder: None if holds_run(Path(folder)) else ".hydra",
+        "ncrs_job_name": job_name,
+        "ncrs_help": lambda: _help() + all_explanations().replace("$", "$$"),
+    }
+    for name, resolver in resolvers.items():
+        OmegaConf.register_new_resolver(name, resolver, replace=True)
+
+
+def job_name(overrides: str, number: int | None) -> str:
+    """Name the folder of a sweep's job by what was swept, so that a sweep finds its jobs again.
+
+    Args:
+        overrides: Overrides that were swept, such as "optimizer.sigma=0.1,seed=3".
+        number: Number of the job, its name if nothing was swept.
+    """
+    if not overrides:
+        return str(number)
+    name = re.sub(r"[^\w.=,+-]+", "_", overrides)
+    if name == overrides and len(name) <= _LONGEST_NAME:
+        return name
+    # Distinct overrides keep distinct folders.
+    digest = hashlib.sha256(overrides.encode()).hexdigest()[:8]
+    return f"{name[:_LONGEST_NAME]}-{digest}"
 
 
 @contextmanager
-def _errors_of_hydra() -> Iterator[None]:
+def errors_of_hydra() -> Iterator[None]:
     """Turn Hydra's errors in the block into a ``ConfigError`` of one or two sentences."""
     try:
         yield
@@ -93,9 +122,18 @@ def _config_error(error: Exception) -> ConfigError:
     if isinstance(error, OverrideParseException):
         return ConfigError(f"Cannot read the setting {error.override!r}: {_first_line(error)}.")
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
+        group, _, name = error.missing_cfg_file.rpartition("/")
+        if group in _EXTRAS and name in _EXTRAS[group]:
+            return ConfigError(
+                f"{group}={name} needs the extra {_EXTRAS[group][name]}: "
+                f"pip install 'ncrs[{_EXTRAS[group][name]}]'."
+            )
         group, _, name = error.missing_cfg_file.partition("/")
+        if group == "hydra":  # a group of Hydra's own
+            subgroup, _, name = name.rpartition("/")
+            group = f"hydra/{subgroup}"
         return ConfigError(f"Unknown {group} {name!r}; choose one of {', '.join(_choices(group))}.")
-    cause = error.__cause__ or error
+    cause = error.__cause__ or error.__context__ or error
     if isinstance(cause, ConfigKeyError | ConfigAttributeError) and cause.object_type is not None:
         return unknown_setting(str(cause.full_key), cause.object_type)
     if isinstance(cause, OmegaConfBaseException) and cause.full_key:
@@ -116,45 +154,9 @@ def _choices(group: str) -> list[str]:
     return names
 
 
-def check_arguments(arguments: Sequence[str], folder: Path) -> None:
-    """Check command-line arguments before Hydra makes a folder for them.
-
-    Only the first job of a sweep is checked. Hydra's flags, except those for sweeps, may change the
-    source of the settings; with such flags each job checks itself.
-
-    Args:
-        arguments: Command-line arguments.
-        folder: Folder of ``config.yaml``.
-
-    Raises:
-        NCRSError: If a setting is unknown, a value out of range, or ``resume`` invalid.
-    """
-    flags = {argument for argument in arguments if argument.startswith("-")}
-    if flags - _SWEEP_FLAGS:
-        return
-    with initialize_config_dir(str(folder), version_base=HYDRA_VERSION), _errors_of_hydra():
-        overrides = [word for word in arguments if word not in flags]
-        if flags:
-            overrides = _first_job(overrides)
-        config = train_config(compose(CONFIG_NAME, overrides), overrides)
-    if flags and config.resume is not None:
-        raise ConfigError("resume continues one run; leave out --multirun.")
-
-
-def _parse(overrides: Sequence[str]) -> list[Override]:
+def parse_overrides(overrides: Sequence[str]) -> list[Override]:
+    """Parse overrides of the command line."""
     return OverridesParser.create().parse_overrides(list(overrides))
-
-
-def _first_job(overrides: Sequence[str]) -> list[str]:
-    """Return the overrides of a sweep's first job, except those with values chosen by a sweeper."""
-    first = []
-    for word, override in zip(overrides, _parse(overrides), strict=True):
-        if not override.is_sweep_override():
-            first.append(word)
-        elif override.is_discrete_sweep():
-            value = next(override.sweep_string_iterator())
-            first.append(f"{override.get_key_element()}={value}")
-    return first
 
 
 def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
@@ -167,7 +169,7 @@ def train_config(composed: DictConfig, overrides: Sequence[str]) -> TrainConfig:
     Raises:
         NCRSError: If a value is out of range, or a setting of the resumed run would change.
     """
-    with _errors_of_hydra():
+    with errors_of_hydra():
         _check_known(composed)
         if composed.resume is not None:
             return _resumed(composed.resume, overrides)
@@ -190,7 +192,7 @@ def _resumed(folder: str, overrides: Sequence[str]) -> TrainConfig:
     """Load the settings of the run in a folder, with the changes that the overrides may make."""
     own = load_config(Path(folder))
     values = OmegaConf.structured(own)
-    for override in _parse(overrides):
+    for override in parse_overrides(overrides):
         name, value = override.key_or_group, override.value()
         if name == "experiment":
             raise ConfigError("A resumed run keeps its own settings: leave out experiment.")
@@ -204,15 +206,3 @@ def _resumed(folder: str, overrides: Sequence[str]) -> TrainConfig:
     given: TrainConfig = OmegaConf.to_object(values)  # type: ignore[assignment]
     check_same_settings(lasting_settings(own), lasting_settings(given))
     return replace(given, resume=folder).resolved()
-
-
-def current_job(composed: DictConfig) -> tuple[TrainConfig, Path]:
-    """Return settings and folder of the running Hydra job."""
-    hydra = HydraConfig.get()
-    config = train_config(composed, list(hydra.overrides.task))
-    folder = Path(hydra.runtime.output_dir if config.resume is None else config.resume)
-    try:
-        folder = folder.resolve().relative_to(Path.cwd())
-    except ValueError:
-        return config, folder
-    return config, folder

@@ -43,7 +43,7 @@ class Search:
     Raises:
         ConfigError: If the optimizer refuses a setting at this size, or ``start_from`` is missing
             or does not fit.
-        ChampionError: If the installation is incomplete and has no champions to start from.
+        InstallationError: If the installation is incomplete and has no champions to start from.
         CheckpointError: If the file to start from is damaged.
     """
 
@@ -128,7 +128,7 @@ class Search:
         """Compute the values of the optimizer's and the archive's curves."""
         return {
             **{f"optimizer/{key}": value for key, value in self._optimizer.metrics().items()},
-            **{f"archive/{key}": value for key, value in self.archive.statistics().items()},
+            **{f"qd/{key}": value for key, value in self.archive.statistics().items()},
         }
 
     @property

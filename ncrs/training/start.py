@@ -23,7 +23,7 @@ def start_genome(source: str, layout: NCALayout, symmetric: bool) -> NDArray[np.
 
     Raises:
         ConfigError: If there is no such champion, or it is not symmetric as required.
-        ChampionError: If the installation is incomplete and has no champions.
+        InstallationError: If the installation is incomplete and has no champions.
         CheckpointError: If its file is damaged.
     """
     try:

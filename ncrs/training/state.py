@@ -34,7 +34,7 @@ class RunState:
     """Duration of the training until the last checkpoint, in seconds."""
     best_fitness: float = _logged("fitness/best_so_far", -math.inf)
     """Best fitness of any genome in any generation: a lucky draw, on its own scenarios."""
-    dropped: int = _logged("archive/dropped", 0)
+    dropped: int = _logged("qd/dropped", 0)
     """Number of elites that left the archive because their new estimate was NaN."""
 
     def count(self, evaluation: Evaluation) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import signal
+from pathlib import Path
 
-from ncrs.runs.assessment import EPISODES, REFERENCE_ENGINE, assess
+from ncrs.runs.assessment import REFERENCE_ENGINE, Assessment
+from ncrs.runs.champion import Champion
 from ncrs.runs.settings import TrainConfig
-from ncrs.runs.wording import duration
+from ncrs.runs.wording import duration, train_command
 from ncrs.training.state import TrainingResult
 from ncrs_envs.body import body_to_characters
 
@@ -28,25 +30,32 @@ def stopped_lines(result: TrainingResult, stopped_by: signal.Signals) -> list[st
     """Summarise a run that a signal ended."""
     return [
         f"Stopped by {stopped_by.name} after {_effort(result)}. All is saved; continue with:",
-        f"  python train.py resume={result.run_dir}",
+        f"  {train_command()} resume={result.run_dir}",
     ]
 
 
-def finished_lines(result: TrainingResult, config: TrainConfig) -> list[str]:
-    """Summarise a run that finished: the champion, the folder, and commands to try next."""
+def finished_lines(
+    result: TrainingResult, config: TrainConfig, assessment: Assessment | None
+) -> list[str]:
+    """Summarise a run that finished: the champion, the folder, and commands to try next.
+
+    Args:
+        result: Result of the training.
+        config: Settings of the run.
+        assessment: Test of the champion on fresh episodes; None without one.
+    """
     lines = [f"Finished {_effort(result)}.", ""]
     champion = result.champion
-    if champion is None:
+    if champion is None or assessment is None:
         lines.append("No genome grew a body that the task can use; try more generations.")
     else:
         sensors, wheels, cells = champion.measures
-        assessment = assess(champion)
         lines += [
             f"Champion, from generation {champion.generation} ({champion.source}): "
             f"{cells} cells, {wheels} wheels, {sensors} sensors",
             *("  " + " ".join(row) for row in body_to_characters(champion.body).splitlines()),
             "  (. empty  # tissue  L light or ball sensor  T target sensor  W wheel)",
-            f"On {EPISODES} fresh episodes, on {REFERENCE_ENGINE}:",
+            f"On {assessment.success.episodes} fresh episodes, on {REFERENCE_ENGINE}:",
             *("  " + line for line in assessment.lines()),
         ]
     lines.append(
@@ -61,6 +70,25 @@ def finished_lines(result: TrainingResult, config: TrainConfig) -> list[str]:
         "Next:",
         f"  ncrs render {result.run_dir}",
         f"  ncrs evaluate {result.run_dir}",
-        f"  python train.py resume={result.run_dir} generations={longer}",
+        f"  {train_command()} resume={result.run_dir} generations={longer}",
         f"  tensorboard --logdir {result.run_dir.parent}",
     ]
+
+
+def job_line(folder: Path, champion: Champion | None, assessment: Assessment | None) -> str:
+    """Summarise a finished run of a sweep in one line.
+
+    Args:
+        folder: Folder of the run.
+        champion: Champion of the run; None if no body was valid.
+        assessment: Test of the champion on fresh episodes; None without one.
+    """
+    if champion is None:
+        return f"{folder}: no genome grew a body that the task can use."
+    if assessment is None:
+        return f"{folder}: fitness {champion.fitness:.3f}."
+    fraction, low, high = assessment.success.percentages()
+    return (
+        f"{folder}: fitness {assessment.fitness:.3f}, success {fraction} "
+        f"(95 % interval {low} to {high})."
+    )

@@ -20,7 +20,7 @@ from torch.utils.tensorboard.summary import hparams
 
 from ncrs.evolution.archive import Archive
 from ncrs.runs.champion import Champion
-from ncrs.runs.settings import TrainConfig
+from ncrs.runs.settings import TrainConfig, config_from_dict, flat_settings
 from ncrs.viz.archive_grid import archive_grid
 from ncrs.viz.pictures import encode_animation, growth_and_episode
 from ncrs.viz.stills import heatmaps, strip
@@ -38,8 +38,8 @@ _BODY_PIXELS = 160
 _ANIMATION_PIXELS = 160
 _STRIP_BODIES = 10
 RESULTS = (
-    "champion/fitness", "champion/success", "fitness/best_so_far", "archive/qd_score",
-    "archive/filled_fraction",
+    "champion/fitness", "champion/success", "fitness/best_so_far", "qd/qd_score",
+    "qd/filled_fraction",
 )  # fmt: skip
 """Curves whose last values stand beside the settings in the HPARAMS tab."""
 
@@ -47,19 +47,20 @@ LAYOUT: Mapping[str, Mapping[str, list[Any]]] = {
     "Run": {
         "fitness": ["Multiline", ["^fitness/(best|mean|median|best_so_far)$", "champion/fitness"]],
         "success": ["Multiline", ["success/best", "success/mean", "champion/success"]],
-        "QD-score": ["Multiline", ["^archive/qd_score$", "^archive/filled_fraction$"]],
+        "QD-score": ["Multiline", ["^qd/qd_score$", "^qd/filled_fraction$"]],
     },
     "Search": {
-        "optimizer": ["Multiline", ["optimizer/sigma", "optimizer/condition_number"]],
-        "archive": ["Multiline", ["^archive/(new|improved)$"]],
-        "bodies": ["Multiline", ["bodies/valid"]],
+        "step size": ["Multiline", ["optimizer/sigma"]],
+        "condition number": ["Multiline", ["optimizer/condition_number"]],
+        "archive": ["Multiline", ["^qd/(new|improved)$"]],
+        "bodies": ["Multiline", ["population/valid"]],
     },
     "Time": {
         "seconds": ["Multiline", ["^time/"]],
         "environment steps per second": ["Multiline", ["speed/env_steps_per_s"]],
     },
 }
-"""Charts of the CUSTOM SCALARS tab, by heading: tags, or patterns of tags."""
+"""Charts of the CUSTOM SCALARS tab, by heading: tags, or patterns of tags; one scale per chart."""
 
 
 class Budget:
@@ -159,17 +160,17 @@ class RunPictures:
         self._writer.add_histogram("population/fitness", fitness[np.isfinite(fitness)], index)
         self._writer.add_histogram("population/best_genome", genomes[np.nanargmax(fitness)], index)
         if len(archive):
-            self._writer.add_histogram("elites/fitness", archive.column("fitness"), index)
+            self._writer.add_histogram("qd/fitness", archive.column("fitness"), index)
 
     def _add_archive(self, index: int, archive: Archive) -> None:
         fitness, measures = archive.column("fitness"), archive.measures
         grid = archive_grid(measures, fitness, archive.space.triples)
         panels = heatmaps(grid, float(fitness.min()), float(fitness.max()))
-        self._writer.add_image("elites/archive", panels, index, dataformats="HWC")
+        self._writer.add_image("qd/archive", panels, index, dataformats="HWC")
         chosen = spread(measures, fitness, _STRIP_BODIES)
         captions = [f"{fitness[row]:.3f}\n{measures[row, 2]} cells" for row in chosen]
         bodies = strip(archive.column("bodies")[chosen], captions)
-        self._writer.add_image("elites/bodies", bodies, index, dataformats="HWC")
+        self._writer.add_image("qd/bodies", bodies, index, dataformats="HWC")
 
     def _add_animation(self, index: int, champion: Champion) -> None:
         frames, durations = growth_and_episode(champion, _ANIMATION_PIXELS)
@@ -217,12 +218,20 @@ def add_encoded_image(
     _file_writer(writer).add_summary(Summary(value=[Summary.Value(tag=tag, image=image)]), index)
 
 
+def _settings(config: TrainConfig) -> dict[str, Any]:
+    """Flatten the settings, those that differ from their defaults first: they were chosen."""
+    given = flat_settings(asdict(config))
+    plain = config_from_dict({"optimizer": {"name": config.optimizer.name}})
+    defaults = flat_settings(asdict(plain.resolved()))
+    return dict(sorted(given.items(), key=lambda item: defaults.get(item[0]) == item[1]))
+
+
 def add_settings(writer: SummaryWriter, config: TrainConfig) -> None:
     """Add the settings as hyperparameters of this run, and the layout of the charts.
 
     ``SummaryWriter.add_hparams`` would make a run of its own for them, in a sub-folder.
     """
-    settings = {name: value for name, value in _flat(asdict(config)) if value is not None}
+    settings = {name: value for name, value in _settings(config).items() if value is not None}
     experiment, session, _ = hparams(settings, dict.fromkeys(RESULTS, 0.0))  # type: ignore[no-untyped-call]
     for summary in (experiment, session):
         _file_writer(writer).add_summary(summary)
@@ -237,13 +246,3 @@ def add_end(writer: SummaryWriter) -> None:
 
 def _file_writer(writer: SummaryWriter) -> Any:
     return writer._get_file_writer()  # type: ignore[no-untyped-call]
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    pairs: list[tuple[str, Any]] = []
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            pairs += _flat(value, f"{prefix}{key}.")
-        else:
-            pairs.append((prefix + key, value))
-    return pairs

@@ -12,7 +12,7 @@ from ncrs.evolution.archive import ArchiveError
 from ncrs.evolution.optimizers import OptimizerError
 from ncrs.runs.lock import RunError, locked
 from ncrs.runs.settings import ConfigError, TrainConfig, save_config
-from ncrs.training.files import RunFiles
+from ncrs.training.files import RunFiles, check_new_run
 from ncrs.training.generation import Generation
 from ncrs.training.logs import RunLog
 from ncrs.training.search import Search
@@ -32,7 +32,7 @@ class Trainer:
     Raises:
         ConfigError: If the optimizer refuses a setting at this size, or ``start_from`` is missing
             or does not fit.
-        ChampionError: If the installation is incomplete and has no champions to start from.
+        InstallationError: If the installation is incomplete and has no champions to start from.
         CheckpointError: If the file to start from is damaged.
     """
 
@@ -78,11 +78,8 @@ class Trainer:
         started = self._files.exist
         if self._config.resume is not None:
             self._state = self._files.load()
-        elif started:
-            raise RunError(
-                f"{self._run_dir} already holds a run; continue it with resume={self._run_dir}, or "
-                "use another folder."
-            )
+        else:
+            check_new_run(self._run_dir)
         if self._state.generation > self._config.generations:
             raise ConfigError(
                 f"The run has done {self._state.generation} generations, more than "

@@ -15,8 +15,9 @@ import ncrs
 from ncrs.engines.base import ENGINES
 from ncrs.evolution.optimizers import OPTIMIZERS
 from ncrs.runs.settings import ConfigError, TrainConfig, config_from_dict, save_config
+from ncrs.training.arguments import check_arguments
 from ncrs.training.explanations import explanations
-from ncrs.training.hydra import check_arguments, register, train_config
+from ncrs.training.hydra import register, train_config
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import TASKS, TaskSettings
 
@@ -134,7 +135,7 @@ def test_the_command_line_wins_over_an_experiment(composed):
         (["optimizer.parents=113"], "population 112 is smaller than the 113 parents"),
         (["task.grid_size=2"], "at least 3"),
         (["engine.workers=0"], "workers"),
-        (["-m", "seed=-1,0"], "seed must be an integer from 0"),
+        (["-m", "seed=-1,-2"], "seed must be an integer from 0"),
         (["-m", "generation=range(3,5)"], "Did you mean generations"),
         (["resume=/nowhere"], "holds no run"),
         (["task=[,"], "Cannot read"),
@@ -151,8 +152,35 @@ def test_hydras_own_settings_and_sweeps_pass():
     check_arguments(["-m", "task=light_chase,obstacle", "seed=0,1", "hydra.run.dir=/tmp/x"], CONF)
     sweep = ["--multirun", "hydra/launcher=basic", "experiment=paper/obstacle_cma_es"]
     check_arguments(sweep, CONF)
-    check_arguments(["-m", "seed=range(0,3)", "optimizer.sigma=interval(0.01,0.1)"], CONF)
-    check_arguments(["--config-dir", "elsewhere", "experiment=mine"], CONF)
+    assert check_arguments(["-m", "seed=range(0,3)"], CONF).jobs == 3
+    searched = ["-m", "seed=range(0,3)", "optimizer.sigma=interval(0.01,0.1)"]
+    with pytest.raises(ConfigError, match="such as hydra/sweeper=ncrs_optuna"):
+        check_arguments(searched, CONF)
+    pytest.importorskip("hydra_plugins.hydra_optuna_sweeper")
+    assert check_arguments([*searched, "hydra/sweeper=ncrs_optuna"], CONF).jobs is None
+
+
+def test_experiments_of_ones_own_are_found_and_checked(tmp_path):
+    (tmp_path / "experiment").mkdir()
+    mine = tmp_path / "experiment" / "mine.yaml"
+    arguments = ["--config-dir", str(tmp_path), "experiment=mine"]
+    mine.write_text("# @package _global_\nseed: 3\n")
+    assert check_arguments(arguments, CONF) is None
+    mine.write_text("# @package _global_\nsede: 3\n")
+    with pytest.raises(ConfigError, match=r"Unknown setting 'sede'\. Did you mean seed"):
+        check_arguments(arguments, CONF)
+
+
+@pytest.mark.parametrize(
+    "group", ["launcher=ncrs_joblib", "launcher=ncrs_slurm", "sweeper=ncrs_optuna"]
+)
+def test_a_missing_plugin_is_named_with_its_extra(group, monkeypatch):
+    store = ConfigStore.instance().repo["hydra"]
+    part = group.partition("=")[0]
+    for name in ("joblib", "submitit_slurm", "optuna"):
+        monkeypatch.delitem(store[part], f"{name}.yaml", raising=False)
+    with pytest.raises(ConfigError, match=r"needs the extra (sweep|slurm): pip install 'ncrs\["):
+        check_arguments(["-m", "seed=0,1", f"hydra/{group}"], CONF)
 
 
 def _records():
@@ -199,7 +227,7 @@ def test_a_foreign_setting_fails_at_once_and_leaves_nothing(tmp_path):
     before = sorted(os.listdir(ROOT))
     command = [sys.executable, "train.py", "optimizer.emitters=3", f"hydra.run.dir={tmp_path}/run"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert done.stderr.startswith("train.py: sep_cma_es has no setting 'optimizer.emitters'")
     assert len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "run").exists()
@@ -243,5 +271,5 @@ def test_a_resumed_run_keeps_its_settings(composed, tmp_path):
     ]:
         with pytest.raises(ConfigError, match=message):
             check_arguments([resume, argument], CONF)
-    with pytest.raises(ConfigError, match="multirun"):
+    with pytest.raises(ConfigError, match="resume continues one run"):
         check_arguments(["-m", resume], CONF)

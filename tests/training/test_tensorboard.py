@@ -99,16 +99,16 @@ def test_pictures_and_histograms(tmp_path, champion, archive):
     events = read(tmp_path)
     assert [event.step for event in events.Images("champion/body")] == [0, 4]
     assert [event.step for event in events.Images("champion/growth_and_episode")] == [3, 4]
-    assert [event.step for event in events.Images("elites/archive")] == [3, 4]
+    assert [event.step for event in events.Images("qd/archive")] == [3, 4]
     assert [event.step for event in events.Histograms("population/fitness")] == [3, 4]
     assert events.Histograms("population/fitness")[0].histogram_value.num == 2
     assert events.Histograms("population/best_genome")[0].histogram_value.num == GENOME_LENGTH
-    assert events.Histograms("elites/fitness")[0].histogram_value.num == len(archive)
+    assert events.Histograms("qd/fitness")[0].histogram_value.num == len(archive)
     animation = events.Images("champion/growth_and_episode")[0].encoded_image_string
     with Image.open(io.BytesIO(animation)) as image:
         assert image.format == "GIF"
         assert image.n_frames > 40
-    with Image.open(io.BytesIO(events.Images("elites/bodies")[0].encoded_image_string)) as image:
+    with Image.open(io.BytesIO(events.Images("qd/bodies")[0].encoded_image_string)) as image:
         assert image.width > 9 * 96
 
 

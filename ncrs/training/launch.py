@@ -1,0 +1,112 @@
+"""The command that trains: ``ncrs train``, which ``train.py`` also is."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig, OmegaConf
+
+from ncrs.runs.failure import refused_folders
+from ncrs.runs.resources import resource_folder
+from ncrs.runs.results import collect_results, save_results
+from ncrs.runs.wording import program_name, train_command
+from ncrs.training.arguments import Sweep, check_arguments
+from ncrs.training.hydra import CONFIG_NAME, HYDRA_VERSION, register
+from ncrs.training.jobs import run_job
+from ncrs_envs.errors import NCRSError
+
+_INTERRUPTED = 130
+"""The shell's code for a process that Ctrl-C ended."""
+_started: list[Path] = []
+"""Folder of the sweep that this process runs."""
+
+
+class SweepCallback(Callback):
+    """Hydra's callback, which remembers the folder of a sweep and prepares it."""
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Make the folder, and let a sweeper build its study again from the runs in it."""
+        folder = Path(str(config.hydra.sweep.dir))
+        folder.mkdir(parents=True, exist_ok=True)
+        _started.append(folder)
+        for job in refused_folders(folder):
+            shutil.rmtree(job)  # it is refused again, or is no longer asked for
+        storage = OmegaConf.select(config, "hydra.sweeper.storage")
+        study = folder / "study.db"
+        if storage == f"sqlite:///{study}" and study.exists():
+            # The runs are the record: finished ones return their results at once, so that the same
+            # sampler proposes the same trials again, and goes on from there.
+            study.replace(study.with_name("study.previous.db"))
+
+
+def launch(arguments: Sequence[str]) -> None:
+    """Run the command line; bad input ends with one sentence and exit code 2."""
+    register()
+    try:
+        folder = resource_folder("conf")
+        if list(arguments[-1:]) in (["--config-dir"], ["-cd"]):
+            print(folder)
+            return
+        sweep = check_arguments(arguments, folder)
+        main = hydra.main(
+            version_base=HYDRA_VERSION, config_path=str(folder), config_name=CONFIG_NAME
+        )(run_job)
+        if sweep is None:
+            _run(main, arguments)
+        else:
+            _run_sweep(main, arguments, sweep)
+    except NCRSError as error:
+        print(f"{program_name()}: {error}", file=sys.stderr)
+        raise SystemExit(2) from error
+
+
+def _run(main: Callable[[], Any], arguments: Sequence[str]) -> None:
+    previous = sys.argv
+    sys.argv = [previous[0], *arguments]
+    try:
+        main()
+    finally:
+        sys.argv = previous
+
+
+def _run_sweep(main: Callable[[], Any], arguments: Sequence[str], sweep: Sweep) -> None:
+    """Run a sweep, report its results, and fail if one of its jobs did."""
+    for message in sweep.refused:
+        print(f"{program_name()}: one job will be refused: {message}", file=sys.stderr)
+    _started.clear()
+    code: Any = 0
+    try:
+        _run(main, [*arguments, *sweep.overrides])
+    except KeyboardInterrupt:
+        code = _INTERRUPTED
+    except SystemExit as error:
+        code = error.code
+    if not _started:
+        raise SystemExit(code)
+    folder = _started[0]
+    complete = _report(folder, sweep.jobs)
+    if code or not complete:
+        rest = [word for word in arguments if not word.startswith("hydra.sweep.dir=")]
+        command = " ".join([train_command(), *rest, f"hydra.sweep.dir={folder}"])
+        print(f"To resume the unfinished runs and repeat the failed ones:\n  {command}")
+        raise SystemExit(code or 1)
+
+
+def _report(folder: Path, jobs: int | None) -> bool:
+    """Print and save the table of a sweep; return True if each of its jobs has finished."""
+    results = collect_results([folder])
+    print()
+    print("\n".join(results.lines()))
+    missing = 0 if jobs is None else max(0, jobs - len(results.rows))
+    if missing:
+        print(f"Not started: {missing} of {jobs} jobs.")
+    paths = save_results(results, folder) if results.rows else []
+    for path in paths:
+        print(f"Saved {path}")
+    return missing == 0 and results.complete
