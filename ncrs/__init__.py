@@ -1,28 +1,52 @@
 """Grow a modular robot from one cell, and drive it, with one neural cellular automaton."""
 
-from ncrs.automaton.channels import GenomeError
-from ncrs.automaton.control import Controller
-from ncrs.automaton.growth import grow
-from ncrs.automaton.nca import NCA, NCAPopulation
-from ncrs.engines import Evaluation
-from ncrs.engines.evaluate import evaluate
-from ncrs.runs.elites import Elite, EliteArchive, load_archive, load_elite
-from ncrs.runs.published import champions, load_champion
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "NCA",
-    "Controller",
-    "Elite",
-    "EliteArchive",
-    "Evaluation",
-    "GenomeError",
-    "NCAPopulation",
-    "champions",
-    "evaluate",
-    "grow",
-    "load_archive",
-    "load_champion",
-    "load_elite",
-]
+if TYPE_CHECKING:
+    from ncrs.automaton.channels import GenomeError as GenomeError
+    from ncrs.automaton.control import Controller as Controller
+    from ncrs.automaton.growth import grow as grow
+    from ncrs.automaton.nca import NCA as NCA
+    from ncrs.automaton.nca import NCAPopulation as NCAPopulation
+    from ncrs.engines.base import Evaluation as Evaluation
+    from ncrs.engines.evaluate import evaluate as evaluate
+    from ncrs.runs.elites import Elite as Elite
+    from ncrs.runs.elites import EliteArchive as EliteArchive
+    from ncrs.runs.elites import load_archive as load_archive
+    from ncrs.runs.elites import load_elite as load_elite
+    from ncrs.runs.published import champions as champions
+    from ncrs.runs.published import load_champion as load_champion
+
+# Imported on use, so that what needs only one of them, such as ``ncrs --help``, starts at once.
+_HOMES = {
+    "NCA": "ncrs.automaton.nca",
+    "Controller": "ncrs.automaton.control",
+    "Elite": "ncrs.runs.elites",
+    "EliteArchive": "ncrs.runs.elites",
+    "Evaluation": "ncrs.engines.base",
+    "GenomeError": "ncrs.automaton.channels",
+    "NCAPopulation": "ncrs.automaton.nca",
+    "champions": "ncrs.runs.published",
+    "evaluate": "ncrs.engines.evaluate",
+    "grow": "ncrs.automaton.growth",
+    "load_archive": "ncrs.runs.elites",
+    "load_champion": "ncrs.runs.published",
+    "load_elite": "ncrs.runs.elites",
+}
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

@@ -1,5 +1,6 @@
-"""``python -m ncrs`` is the ``ncrs`` command."""
+"""``python -m ncrs``: the ``ncrs`` command."""
 
 from ncrs.cli import main
 
-main()
+if __name__ == "__main__":
+    main()

@@ -1,28 +1,54 @@
-"""The ``ncrs`` command: test, draw and film the robots of a run."""
+"""Evolve robots with one neural cellular automaton; test, draw and film them."""
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from ncrs.commands import archive, evaluate, figures, film, play, render, report
-from ncrs_envs.errors import NCRSError
+from ncrs import __version__
 
-_COMMANDS = (evaluate, archive, render, figures, film, play, report)
+TRAIN = "train"
+_COMMANDS: Mapping[str, str] = {
+    TRAIN: "evolve a robot, or sweep over settings; `ncrs train --help` lists them",
+    "results": "print and save the results of runs and sweeps, with statistics over seeds",
+    "champions": "list the robots that come with the package",
+    "evaluate": "test a robot on fresh episodes and save the result as JSON",
+    "archive": "summarise the archive; estimate its elites again, or export it",
+    "render": "draw a robot's body and growth as PNGs and episodes as an animated GIF",
+    "figures": "draw figures for print (PNG, SVG and CSV), of one run or comparing several",
+    "film": "film a robot's growth and episodes (MP4 and GIF)",
+    "play": "drive a body with the keyboard and edit it with the mouse, in a window",
+    "report": "write a page that shows a run, its archive and its robots in a browser",
+}
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(chosen: str | None) -> argparse.ArgumentParser:
+    """Build the parser; only the chosen command's module is imported."""
     parser = argparse.ArgumentParser(prog="ncrs", description=__doc__)
+    parser.add_argument("--version", action="version", version=f"ncrs {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in _COMMANDS:
-        command.add_parser(commands)
+    for name, text in _COMMANDS.items():
+        command = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
+        if name == chosen:
+            importlib.import_module(f"ncrs.commands.{name}").add_arguments(command)
     return parser
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; bad input ends with one sentence and exit code 2."""
-    options = _parser().parse_args(arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    chosen = words[0] if words and words[0] in _COMMANDS else None
+    if chosen == TRAIN:
+        # Hydra reads its own arguments.
+        from ncrs.training.launch import launch
+
+        launch(words[1:])
+        return
+    options = _parser(chosen).parse_args(words)
+    from ncrs_envs.errors import NCRSError  # slow to import: not before --help is answered
+
     try:
         options.action(options)
     except NCRSError as error:

@@ -10,15 +10,10 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ncrs.runs.published import file_stem
-from ncrs.runs.robot import EvolvedRobot
-from ncrs.runs.settings import ConfigError
 from ncrs_envs.tasks import TASKS
 
 if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
-else:
-    Commands = object
+    from ncrs.runs.robot import EvolvedRobot
 
 
 def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
@@ -69,21 +64,44 @@ def folder_of(run: Path) -> Path:
     return run if run.is_dir() else run.parent
 
 
-def output_folder(source: Path) -> Path:
-    """Return the folder for a robot's outputs: its run's, or that of its file.
+def add_output_argument(parser: argparse.ArgumentParser, default: str) -> None:
+    """Declare the folder to write to.
 
-    For a published champion it is a new folder of its name.
+    Args:
+        parser: Parser of the command.
+        default: Folder to which the command writes without the argument, for the help.
+    """
+    parser.add_argument(
+        "--output", type=Path, metavar="DIR", help=f"folder to write to; default: {default}"
+    )
+
+
+ROBOTS_FOLDER = "that of ROBOT, or a new one of the champion's name"
+"""Default folder of commands that take a robot, for their help."""
+
+
+def output_folder(options: argparse.Namespace, source: Path) -> Path:
+    """Return the folder for a command's files, made if missing.
+
+    Args:
+        options: Options of the command, with ``output``.
+        source: The robot or the run: without ``--output`` the files go to its own folder, or those
+            of a published champion to a new folder of its name.
 
     Raises:
-        ConfigError: If that cannot be made.
+        CheckpointError: If the folder cannot be made.
     """
-    if source.exists():
-        return folder_of(source)
-    folder = Path(file_stem(source.as_posix()))
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"Cannot make the folder {folder}: {error.strerror or error}.") from error
+    from ncrs.runs.checkpoint import writing
+    from ncrs.runs.published import file_stem
+
+    if options.output is not None:
+        folder = Path(options.output)
+    elif source.exists():
+        folder = folder_of(source)
+    else:
+        folder = Path(file_stem(source.as_posix()))
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     return folder
 
 
@@ -101,6 +119,8 @@ def describe(robot: EvolvedRobot) -> str:
 def require(package: str) -> None:
     """Raise ``ConfigError`` if an optional package is not installed."""
     if importlib.util.find_spec(package) is None:
+        from ncrs.runs.settings import ConfigError
+
         raise ConfigError(
             f"This command needs {package}, which is not installed: pip install 'ncrs[viz]'"
         )

@@ -6,7 +6,7 @@ import argparse
 import pickle
 from pathlib import Path
 
-from ncrs.commands import Commands, add_seed_argument, folder_of, print_saved
+from ncrs.commands import add_output_argument, add_seed_argument, output_folder, print_saved
 from ncrs.engines.base import AUTO_ENGINE, ENGINES, make_engine
 from ncrs.engines.evaluate import EPISODES
 from ncrs.evolution.archive import PAPER_TRIPLES, STANDING_STILL_MARGIN, SUCCESS_FRACTION
@@ -21,11 +21,8 @@ CSV_FILE = "archive.csv"
 PYRIBS_FILE = "archive_pyribs.pkl"
 
 
-def add_parser(commands: Commands) -> None:
-    """Declare the command."""
-    parser = commands.add_parser(
-        "archive", help="summarise the archive; estimate its elites again, or export it"
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
     parser.add_argument("run", type=Path, metavar="RUN_DIR", help="a run's folder, or an archive")
     parser.add_argument(
         "--reestimate",
@@ -40,6 +37,7 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument("--engine", choices=[AUTO_ENGINE, *sorted(ENGINES)], default=AUTO_ENGINE)
     add_seed_argument(parser)
+    add_output_argument(parser, "the run's")
     parser.add_argument(
         "--export",
         choices=("csv", "pyribs"),
@@ -50,9 +48,11 @@ def add_parser(commands: Commands) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     elites = load_archive(options.run)
-    folder = folder_of(options.run)
     print(f"{elites.task.name}, archive of {options.run}:")
     print("\n".join("  " + line for line in archive_lines(elites)))
+    if not (options.reestimate or options.export):
+        return
+    folder = output_folder(options, options.run)
     if options.reestimate:
         elites = reestimated(elites, options.engine, options.seed, options.episodes)
         print(f"On {options.episodes} fresh scenarios:")

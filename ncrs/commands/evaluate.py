@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 from ncrs.commands import (
-    Commands,
+    ROBOTS_FOLDER,
+    add_output_argument,
     add_robot_arguments,
     add_seed_argument,
     describe,
@@ -14,17 +15,11 @@ from ncrs.commands import (
     print_saved,
 )
 from ncrs.engines.base import ENGINES
-from ncrs.runs.assessment import EPISODES, REFERENCE_ENGINE, assess
-from ncrs.runs.checkpoint import write_json
-
-EVALUATION_FILE = "evaluation.json"
+from ncrs.runs.assessment import EPISODES, REFERENCE_ENGINE, assess, save_assessment
 
 
-def add_parser(commands: Commands) -> None:
-    """Declare the command."""
-    parser = commands.add_parser(
-        "evaluate", help="test a robot on fresh episodes and save the result as JSON"
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
     add_robot_arguments(parser)
     parser.add_argument(
         "--episodes",
@@ -34,14 +29,14 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument("--engine", choices=sorted(ENGINES), default=REFERENCE_ENGINE)
     add_seed_argument(parser)
+    add_output_argument(parser, ROBOTS_FOLDER)
     parser.set_defaults(action=_run)
 
 
 def _run(options: argparse.Namespace) -> None:
     robot = given_robot(options)
     result = assess(robot, episodes=options.episodes, seed=options.seed, engine=options.engine)
-    path = output_folder(options.robot) / EVALUATION_FILE
-    write_json(path, result.as_json())
+    path = save_assessment(result, output_folder(options, options.robot))
     print(f"{describe(robot)}, {options.episodes} fresh episodes on {options.engine}:")
     print("\n".join("  " + line for line in result.lines()))
     print_saved([path])

@@ -5,24 +5,25 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ncrs.commands import Commands, add_seed_argument, print_saved, require
+from ncrs.commands import (
+    add_output_argument,
+    add_seed_argument,
+    output_folder,
+    print_saved,
+    require,
+)
 from ncrs.viz.options import AXES, FigureOptions
 
 _DEFAULTS = FigureOptions()
 FOLDER = "figures"
 
 
-def add_parser(commands: Commands) -> None:
-    """Declare the command."""
-    parser = commands.add_parser(
-        "figures", help="draw figures for print (PNG, SVG and CSV), of one run or comparing several"
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
     parser.add_argument(
         "runs", type=Path, nargs="+", metavar="RUN_DIR", help="folders of runs, or of sweeps"
     )
-    parser.add_argument(
-        "--out", type=Path, help=f"folder to write to; default: {FOLDER} in the first RUN_DIR"
-    )
+    add_output_argument(parser, f"{FOLDER} in the first RUN_DIR")
     parser.add_argument(
         "--axis",
         choices=tuple(AXES),
@@ -43,6 +44,6 @@ def _run(options: argparse.Namespace) -> None:
     require("matplotlib")
     from ncrs.viz.figures import save_figures
 
-    folder = options.runs[0] / FOLDER if options.out is None else options.out
+    folder = output_folder(options, options.runs[0]) if options.output else options.runs[0] / FOLDER
     chosen = FigureOptions(options.axis, options.episodes, options.seed)
     print_saved(save_figures(options.runs, folder, chosen))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from ncrs.commands import (
-    Commands,
+    ROBOTS_FOLDER,
+    add_output_argument,
     add_robot_arguments,
     add_seed_argument,
     given_robot,
@@ -19,11 +19,10 @@ FORMATS = ("mp4", "gif")
 _DEFAULTS = FilmOptions()
 
 
-def add_parser(commands: Commands) -> None:
-    """Declare the command."""
-    parser = commands.add_parser("film", help="film a robot's growth and episodes (MP4 and GIF)")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
     add_robot_arguments(parser)
-    parser.add_argument("--out", type=Path, help="folder to write to; default: that of ROBOT")
+    add_output_argument(parser, ROBOTS_FOLDER)
     parser.add_argument("--name", default="film", help="name of the files; default: %(default)s")
     parser.add_argument("--format", choices=FORMATS, nargs="+", default=list(FORMATS))
     parser.add_argument(
@@ -53,7 +52,7 @@ def _run(options: argparse.Namespace) -> None:
 
     film = FilmOptions(options.episodes, options.seed, options.speed, options.height)
     robot = given_robot(options)
-    folder = output_folder(options.robot) if options.out is None else options.out
+    folder = output_folder(options, options.robot)
     paths = [folder / f"{options.name}.{kind}" for kind in dict.fromkeys(options.format)]
     save_film(robot, paths, film)
     print_saved(paths)

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import argparse
 
-from ncrs.commands import Commands, add_robot_arguments, add_seed_argument, given_robot
+from ncrs.commands import add_robot_arguments, add_seed_argument, given_robot
 
 
-def add_parser(commands: Commands) -> None:
-    """Declare the command."""
-    parser = commands.add_parser(
-        "play", help="drive a body with the keyboard and edit it with the mouse, in a window"
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
     add_robot_arguments(parser, nargs="?")
     parser.add_argument("--body", help="body that you start with, as rows: L#L/W#W/W#W")
     add_seed_argument(parser)

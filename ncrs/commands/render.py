@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 from ncrs.commands import (
-    Commands,
+    ROBOTS_FOLDER,
+    add_output_argument,
     add_robot_arguments,
     add_seed_argument,
     describe,
@@ -16,22 +17,20 @@ from ncrs.commands import (
 from ncrs.viz.pictures import DEFAULT_SIZE, save_pictures
 
 
-def add_parser(commands: Commands) -> None:
-    """Declare the command."""
-    parser = commands.add_parser(
-        "render", help="draw a robot's body and growth as PNGs and episodes as an animated GIF"
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
     add_robot_arguments(parser)
     parser.add_argument(
         "--size", type=int, default=DEFAULT_SIZE, help="side in pixels; default: %(default)s"
     )
     add_seed_argument(parser)
+    add_output_argument(parser, ROBOTS_FOLDER)
     parser.set_defaults(action=_run)
 
 
 def _run(options: argparse.Namespace) -> None:
     robot = given_robot(options)
-    folder = output_folder(options.robot)
+    folder = output_folder(options, options.robot)
     paths = save_pictures(robot, folder, seed=options.seed, size=options.size)
     print(describe(robot))
     print_saved(paths)

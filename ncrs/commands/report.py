@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from ncrs.commands import Commands, add_seed_argument
-from ncrs.report import REPORT_FOLDER, ReportOptions, build_report
+from ncrs.commands import (
+    add_output_argument,
+    add_robot_arguments,
+    add_seed_argument,
+    given_robot,
+    output_folder,
+)
+from ncrs.report import (
+    REPORT_FOLDER,
+    Report,
+    ReportOptions,
+    build_report,
+    build_robot_report,
+)
 from ncrs.report.build import ALL, CHAMPION
 
 _DEFAULTS = ReportOptions()
 
 
-def add_parser(commands: Commands) -> None:
-    """Declare the command."""
-    parser = commands.add_parser(
-        "report", help="write a page that shows the run, its archive and its robots in a browser"
-    )
-    parser.add_argument("run", type=Path, metavar="RUN_DIR", help="a run's folder")
-    parser.add_argument(
-        "--output",
-        type=Path,
-        metavar="DIR",
-        help=f"folder of the page; default: RUN_DIR/{REPORT_FOLDER}",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_robot_arguments(parser)
+    add_output_argument(
+        parser, f"{REPORT_FOLDER} in the run's, or in a new one of the robot's name"
     )
     parser.add_argument(
         "--episodes",
@@ -44,15 +49,23 @@ def _run(options: argparse.Namespace) -> None:
     from tqdm import tqdm
 
     chosen = ReportOptions(options.episodes, options.elites, options.seed)
+    if options.measures is not None or not options.robot.is_dir():
+        robot = given_robot(options)
+        folder = options.output or output_folder(options, options.robot) / REPORT_FOLDER
+        _print_saved(build_robot_report(robot, folder, chosen))
+        return
     with tqdm(unit="robot", desc="Recording", leave=False, delay=1.0) as bar:
 
         def progress(done: int, total: int) -> None:
             bar.total = total
             bar.update(done - bar.n)
 
-        report = build_report(options.run, options.output, chosen, progress=progress)
-    print(
-        f"{report.robots:,} robots, {report.recorded:,} with growth and episodes, "
-        f"{report.size / 1e6:.1f} MB"
-    )
+        report = build_report(options.robot, options.output, chosen, progress=progress)
+    _print_saved(report)
+
+
+def _print_saved(report: Report) -> None:
+    robots = f"{report.robots:,} robot{'s' if report.robots > 1 else ''}"
+    size = f"{report.size / 1e6:.1f} MB"
+    print(f"{robots}, {report.recorded:,} with growth and episodes, {size}")
     print(f"Saved {report.page}; open it in a browser. It needs no network.")

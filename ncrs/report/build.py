@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ncrs.automaton.channels import STATE_LIMIT
 from ncrs.automaton.growth import record_growth
 from ncrs.automaton.nca import NCAPopulation
-from ncrs.report.curves import load_curves
+from ncrs.report.curves import Curve, load_curves
 from ncrs.report.encoding import pack, quantize, write_data
-from ncrs.report.overview import charts, facts, robot_table, setting_lines, world
-from ncrs.report.robots import ReportError, Robots, load_robots
+from ncrs.report.overview import charts, facts, robot_table, setting_lines, title, world
+from ncrs.report.robots import ReportError, Robots, load_robots, lone_robot
+from ncrs.runs.published import PublishedChampion
+from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.seeds import Stream, seed_sequence
-from ncrs.runs.settings import load_config
+from ncrs.runs.settings import TrainConfig, config_from_dict, load_config
 from ncrs_envs.body import sensor_mask, wheel_mask
 from ncrs_envs.physics import MAX_TRANSLATION
 from ncrs_envs.scenario import WALL_EXTENT, Scenario, sample_scenarios
@@ -84,6 +86,18 @@ class Report:
     """Size of all files in bytes."""
 
 
+class _Subject(NamedTuple):
+    """What a report is about."""
+
+    name: str
+    """Name of the run or the robot."""
+    config: TrainConfig | None
+    """Settings of the run that made it; None if they are not known."""
+    robots: Robots
+    curves: Mapping[str, Curve]
+    is_run: bool = True
+
+
 def build_report(
     run_dir: str | Path,
     folder: str | Path | None = None,
@@ -113,7 +127,40 @@ def build_report(
     if options.elites == CHAMPION and robots.champion is None:
         raise ReportError(f"{run_dir} has no champion yet; record all elites, or train for longer.")
     target = run_dir / REPORT_FOLDER if folder is None else Path(folder)
+    subject = _Subject(run_dir.resolve().name, config, robots, load_curves(run_dir))
+    return _write_report(subject, target, options, progress)
+
+
+def build_robot_report(
+    robot: EvolvedRobot, folder: str | Path, options: ReportOptions | None = None
+) -> Report:
+    """Write a report on one robot, in place of an older one.
+
+    Args:
+        robot: Robot to show, such as a published champion or an elite.
+        folder: Folder of the page.
+        options: Episodes to record; None for the defaults.
+
+    Raises:
+        ReportError: If ``folder`` holds anything but a report.
+        ScenarioError: If the number of episodes is not a positive integer.
+        SeedError: If the seed is not a non-negative integer.
+    """
+    config = None
+    if isinstance(robot, PublishedChampion):
+        config = config_from_dict(robot.card["config"])
+    subject = _Subject(robot.title, config, lone_robot(robot), {}, is_run=False)
+    return _write_report(subject, Path(folder), options or ReportOptions(), None)
+
+
+def _write_report(
+    subject: _Subject,
+    target: Path,
+    options: ReportOptions,
+    progress: Callable[[int, int], None] | None,
+) -> Report:
     _check_target(target)
+    robots, curves = subject.robots, subject.curves
     settings = robots.task
     scenarios = sample_scenarios(
         settings.task,
@@ -121,10 +168,9 @@ def build_report(
         options.episodes,
         settings.grid_size,
     )
-    curves = load_curves(run_dir)
     first = robots.elites if options.elites == CHAMPION else 0
     overview = {
-        "run": run_dir.resolve().name,
+        "run": subject.name,
         "world": world(settings, scenarios),
         "robots": robot_table(robots),
         "charts": charts(curves),
@@ -137,11 +183,12 @@ def build_report(
         (made / DATA_FOLDER).mkdir(parents=True)
         write_data(made / OVERVIEW_FILE, "overview", 0, overview)
         page = {
-            "title": f"{settings.task.title}, {config.optimizer.name}",
+            "title": title(settings.task, subject.config),
             "run": overview["run"],
-            "facts": facts(config, robots, curves),
-            "settings": setting_lines(asdict(config)),
+            "facts": facts(subject.config, robots, curves),
+            "settings": {} if subject.config is None else setting_lines(asdict(subject.config)),
             "has_archive": robots.elites > 0,
+            "is_run": subject.is_run,
             "has_charts": bool(overview["charts"]),
             "scripts": _SCRIPTS,
         }

@@ -16,7 +16,7 @@ from ncrs_envs import canvas
 from ncrs_envs.body import CELL_CHARACTERS, CELL_SIZE, SENSOR_CELLS, Cell, body_to_characters
 from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, TARGET_SIDE
 from ncrs_envs.scenario import WALL_EXTENT, Scenario, wall_quads
-from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings, playfield
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, Task, TaskSettings, playfield
 
 CHARTS: Sequence[tuple[str, Mapping[str, str]]] = (
     (
@@ -37,7 +37,7 @@ CHARTS: Sequence[tuple[str, Mapping[str, str]]] = (
     ),
     (
         "Archive",
-        {"archive/filled_fraction": "triples filled", "archive/qd_score": "QD score"},
+        {"qd/filled_fraction": "triples filled", "qd/qd_score": "QD score"},
     ),
 )
 """Title of each chart, and the names of its curves by tag."""
@@ -67,10 +67,18 @@ def _last(curves: Mapping[str, Curve], tag: str) -> float | None:
     return None if curve is None or not len(curve.values) else float(curve.values[-1])
 
 
-def facts(config: TrainConfig, robots: Robots, curves: Mapping[str, Curve]) -> dict[str, str]:
+def title(task: Task, config: TrainConfig | None) -> str:
+    """Return the title of a report: the task, and the optimizer if it is known."""
+    return task.title if config is None else f"{task.title}, {config.optimizer.name}"
+
+
+def facts(
+    config: TrainConfig | None, robots: Robots, curves: Mapping[str, Curve]
+) -> dict[str, str]:
     """Summarise the run in a few lines, as names and values."""
-    task = robots.task.task
-    lines = {"Task": task.title, "Optimizer": config.optimizer.name, "Seed": str(config.seed)}
+    lines = {"Task": robots.task.task.title}
+    if config is not None:
+        lines |= {"Optimizer": config.optimizer.name, "Seed": str(config.seed)}
     generations = curves.get("fitness/best")
     if generations is not None and len(generations.generations):
         lines["Generations"] = f"{generations.generations[-1] + 1:,}"

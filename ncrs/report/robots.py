@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.evolution.archive import Archive
+from ncrs.runs.assessment import assess
 from ncrs.runs.champion import CHAMPION_FILE, Champion, find_champion
-from ncrs.runs.elites import ARCHIVE_FILE, EliteArchive, find_archive, make_archive
+from ncrs.runs.elites import ARCHIVE_FILE, Elite, EliteArchive, find_archive, make_archive
+from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.settings import ConfigError
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import TaskSettings
@@ -114,6 +117,25 @@ def gather_robots(archive: EliteArchive | None, champion: Champion | None) -> Ro
         measures=measures,
         **columns,
     )
+
+
+def lone_robot(robot: EvolvedRobot) -> Robots:
+    """Make the table of one robot; a genome of unknown fitness is tested on fresh episodes."""
+    fitness, success = robot.fitness, robot.success
+    if math.isnan(fitness):
+        test = assess(robot)
+        fitness, success = test.fitness, test.success.fraction
+    champion = Champion(
+        genome=robot.genome,
+        body=robot.body,
+        task=robot.task,
+        fitness=fitness,
+        success=success,
+        name=robot.title,
+        generation=getattr(robot, "generation", 0),
+        source=getattr(robot, "source", "elite" if isinstance(robot, Elite) else "genome"),
+    )
+    return gather_robots(None, champion)
 
 
 def _task_of(champion: Champion | None) -> TaskSettings:
