@@ -12,13 +12,17 @@ if TYPE_CHECKING:
     from ncrs.automaton.nca import NCA as NCA
     from ncrs.automaton.nca import NCAPopulation as NCAPopulation
     from ncrs.engines.base import Evaluation as Evaluation
+    from ncrs.engines.base import register_engine as register_engine
     from ncrs.engines.evaluate import evaluate as evaluate
+    from ncrs.evolution.optimizers.registry import register_optimizer as register_optimizer
     from ncrs.runs.elites import Elite as Elite
     from ncrs.runs.elites import EliteArchive as EliteArchive
     from ncrs.runs.elites import load_archive as load_archive
     from ncrs.runs.elites import load_elite as load_elite
     from ncrs.runs.published import champions as champions
     from ncrs.runs.published import load_champion as load_champion
+    from ncrs.training.api import TrainedRun as TrainedRun
+    from ncrs.training.api import train as train
 
 # Imported on use, so that what needs only one of them, such as ``ncrs --help``, starts at once.
 _HOMES = {
@@ -29,12 +33,16 @@ _HOMES = {
     "Evaluation": "ncrs.engines.base",
     "GenomeError": "ncrs.automaton.channels",
     "NCAPopulation": "ncrs.automaton.nca",
+    "TrainedRun": "ncrs.training.api",
     "champions": "ncrs.runs.published",
     "evaluate": "ncrs.engines.evaluate",
     "grow": "ncrs.automaton.growth",
     "load_archive": "ncrs.runs.elites",
     "load_champion": "ncrs.runs.published",
     "load_elite": "ncrs.runs.elites",
+    "register_engine": "ncrs.engines.base",
+    "register_optimizer": "ncrs.evolution.optimizers.registry",
+    "train": "ncrs.training.api",
 }
 
 __all__ = sorted(_HOMES)

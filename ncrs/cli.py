@@ -46,11 +46,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
         launch(words[1:])
         return
-    options = _parser(chosen).parse_args(words)
-    from ncrs_envs.errors import NCRSError  # slow to import: not before --help is answered
-
     try:
+        options = _parser(chosen).parse_args(words)
         options.action(options)
-    except NCRSError as error:
+    except Exception as error:
+        from ncrs_envs.errors import NCRSError  # slow to import: not before --help is answered
+
+        if not isinstance(error, NCRSError):
+            raise
         print(f"ncrs: {error}", file=sys.stderr)
         raise SystemExit(2) from error

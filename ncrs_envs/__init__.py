@@ -12,7 +12,9 @@ from ncrs_envs.body import (
     parse_body,
 )
 from ncrs_envs.interface import ActionError, OptionError
-from ncrs_envs.registration import register_all
+from ncrs_envs.mirroring import register_sampling
+from ncrs_envs.registration import register_all, register_task
+from ncrs_envs.registry import ExtensionError
 from ncrs_envs.scenario import Scenario, ScenarioError, sample_scenario, sample_scenarios
 from ncrs_envs.tasks import TASKS, Task, TaskError, get_task, playfield
 from ncrs_envs.wrappers import BodyConditionedView, FixedBodyView
@@ -25,6 +27,7 @@ __all__ = [
     "BodyConditionedView",
     "BodyError",
     "Cell",
+    "ExtensionError",
     "FixedBodyView",
     "OptionError",
     "Scenario",
@@ -37,6 +40,8 @@ __all__ = [
     "parse_body",
     "playfield",
     "register_all",
+    "register_sampling",
+    "register_task",
     "sample_scenario",
     "sample_scenarios",
 ]

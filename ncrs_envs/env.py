@@ -36,6 +36,7 @@ from ncrs_envs.tasks import (
     Task,
     TaskSettings,
     default_body,
+    get_task,
 )
 
 if TYPE_CHECKING:
@@ -251,3 +252,14 @@ class ObstacleEnv(RobotEnv):  # noqa: D101 - from env_docs
 class CarryBallEnv(RobotEnv):  # noqa: D101 - from env_docs
     __doc__ = CARRY_BALL_DOC
     task = CARRY_BALL
+
+
+def make_task_env(task: str, **arguments: Any) -> RobotEnv:
+    """Make the environment of a registered task, with the arguments of ``RobotEnv``.
+
+    Raises:
+        TaskError: If the task is unknown.
+    """
+    found = get_task(task)
+    made: type[RobotEnv] = type(f"{found.title}Env", (RobotEnv,), {"task": found})
+    return made(**arguments)

@@ -16,7 +16,7 @@ from ncrs_envs.box2d_world import Pose, RobotWorld
 from ncrs_envs.physics import WheelModel, wheel_model
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Point, Scenario, wall_quads
-from ncrs_envs.tasks import TaskSettings, distance_score, playfield
+from ncrs_envs.tasks import TaskError, TaskSettings, distance_score, playfield
 
 
 class Robot:
@@ -67,10 +67,25 @@ class Episode:
         self._read_poses()
         distances = self.distances
         self.closest = tuple(map(min, self.closest, distances))
-        self.success = self.closest[-1] <= self.settings.radius
+        self.success = self.success or self._succeeds()
         self.crossed = self.crossed or self.pose[1] > 0.0
-        scores = [distance_score(d, self._extent, self.settings.distance_score) for d in distances]
-        return sum(scores) / len(scores)
+        return self._reward(distances)
+
+    def _succeeds(self) -> bool:
+        succeeds = self.settings.task.succeeds
+        if succeeds is not None:
+            return bool(succeeds(self))
+        return self.closest[-1] <= self.settings.radius
+
+    def _reward(self, distances: Sequence[float]) -> float:
+        task = self.settings.task
+        if task.reward is None:
+            kind = self.settings.distance_score
+            return sum(distance_score(d, self._extent, kind) for d in distances) / len(distances)
+        reward = float(task.reward(self))
+        if not math.isfinite(reward):
+            raise TaskError(f"The reward of {task.name} must be finite, got {reward}.")
+        return reward
 
     def scene(self, action: NDArray[np.float32], path: Sequence[Point]) -> Scene:
         """Describe the current scene, for drawing.

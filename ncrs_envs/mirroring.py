@@ -14,12 +14,14 @@ from typing import Any, Literal
 import numpy as np
 
 from ncrs_envs.body import DEFAULT_GRID_SIZE
+from ncrs_envs.registry import Registry
 from ncrs_envs.scenario import (
     NOISE,
     Point,
     Polyline,
     Scenario,
     ScenarioError,
+    as_seed_sequence,
     check_noise,
     sample_scenario,
     sample_scenarios,
@@ -34,6 +36,25 @@ AUTO_MIRRORING = "auto"
 """Name for the mirroring that suits the task and the symmetry of the robots."""
 
 Image = Callable[[Scenario], Scenario]
+
+STANDARD = "standard"
+"""Name of the sampling by the task's placements and the mirroring."""
+SampleFunction = Callable[[Task, np.random.SeedSequence, int, int], list[Scenario]]
+"""Function of task, seed, number of episodes and grid size that samples an evaluation's scenarios;
+the same seed gives the same scenarios, and a shorter list is the beginning of a longer one."""
+SAMPLINGS: Registry[SampleFunction | None] = Registry("sampling", {STANDARD: None})
+
+
+def register_sampling(name: str, sample: SampleFunction) -> None:
+    """Make a sampling of scenarios known by name; raise ``ExtensionError`` if that is taken."""
+    SAMPLINGS.register(name, sample)
+
+
+def check_sampling(kind: Any) -> str:
+    """Return ``kind`` if it is a sampling, else raise ``ScenarioError``."""
+    if kind not in SAMPLINGS:
+        raise ScenarioError(f"scenarios must be one of {list(SAMPLINGS)}, got {kind!r}.")
+    return str(kind)
 
 
 def check_mirroring(kind: Any) -> Mirroring:
@@ -67,7 +88,7 @@ def resolve_mirroring(kind: Any, task: Task, symmetric: bool) -> Mirroring:
 
 
 def _is_directed(task: Task) -> bool:
-    return task.has_walls or task.has_ball
+    return task.has_walls or task.has_ball or task.place is not None
 
 
 def mirror_left_right(scenario: Scenario) -> Scenario:
@@ -145,11 +166,14 @@ class ScenarioSampling:
     """
     noise: float = NOISE
     """Noise of the placements, see ``sample_scenario``."""
+    kind: str = STANDARD
+    """Name of a sampling: "standard", with the settings above, or one of ``SAMPLINGS``."""
 
     def check(self) -> ScenarioSampling:
         """Return these settings if all are in range, else raise ``ScenarioError``."""
         check_mirroring(self.mirroring)
         check_noise(self.noise)
+        check_sampling(self.kind)
         return self
 
     def draw(
@@ -174,6 +198,9 @@ class ScenarioSampling:
         """
         task = get_task(task)
         self.check()
+        sample = SAMPLINGS[self.kind]
+        if sample is not None:
+            return self._drawn_by(sample, task, (as_seed_sequence(seed), n), grid_size)
         if self.mirroring == "none":
             return sample_scenarios(task, seed, n, grid_size, self.noise)
         images, regions = _images(self.mirroring, task)
@@ -182,6 +209,25 @@ class ScenarioSampling:
             drawn = sample_scenario(task, stream, region, grid_size, self.noise)
             scenarios += [image(drawn) for image in images]
         return scenarios[:n]
+
+    def _drawn_by(
+        self,
+        sample: SampleFunction,
+        task: Task,
+        episodes: tuple[np.random.SeedSequence, int],
+        grid_size: int,
+    ) -> list[Scenario]:
+        """Call a registered sampling and check its scenarios."""
+        seed, n = episodes
+        scenarios = list(sample(task, seed, n, grid_size))
+        if len(scenarios) != n or not all(isinstance(item, Scenario) for item in scenarios):
+            raise ScenarioError(
+                f"The sampling {self.kind!r} must return a list of {n} scenarios, got "
+                f"{scenarios!r:.200}."
+            )
+        for scenario in scenarios:
+            scenario.check(task, grid_size)
+        return scenarios
 
 
 PLAIN_SAMPLING = ScenarioSampling()

@@ -178,6 +178,10 @@ def sample_scenario(
     extent = playfield(check_grid_size(grid_size))
     check_noise(noise)
     region = int(rng.integers(REGIONS)) if region is None else check_region(region)
+    if task.place is not None:
+        placed = task.place(rng, region, grid_size, noise)
+        placed.check(task, grid_size)
+        return placed
     noise_x, noise_y = rng.uniform(-noise * extent, noise * extent, size=2)
     if not (task.has_walls or task.has_ball):
         sign_x, sign_y = CORNER_REGIONS[region]
@@ -300,7 +304,18 @@ def sample_scenarios(
     ]
 
 
-def _checked_seed(seed: int | Sequence[int]) -> np.random.SeedSequence:
+def as_seed_sequence(
+    seed: int | Sequence[int] | np.random.SeedSequence,
+) -> np.random.SeedSequence:
+    """Return a new seed sequence, which has no children yet.
+
+    Raises:
+        ScenarioError: ``seed`` is not a non-negative integer, a sequence of them, or a
+            ``SeedSequence``.
+    """
+    # A SeedSequence counts the children it has spawned; a new one keeps its users pure.
+    if isinstance(seed, np.random.SeedSequence):
+        return np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
     try:
         return np.random.SeedSequence(seed)
     except (TypeError, ValueError) as error:
@@ -319,10 +334,5 @@ def scenario_streams(
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
         raise ScenarioError(f"n must be a positive integer number of episodes, got {n!r}.")
-    # A SeedSequence counts the children it has spawned; a new one keeps this function pure.
-    if isinstance(seed, np.random.SeedSequence):
-        root = np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
-    else:
-        root = _checked_seed(seed)
-    children = root.spawn(-(-int(n) // per_stream))
+    children = as_seed_sequence(seed).spawn(-(-int(n) // per_stream))
     return [np.random.Generator(np.random.PCG64(child)) for child in children]

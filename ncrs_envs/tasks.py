@@ -1,4 +1,4 @@
-"""The three tasks: required body parts, distance scores, and conditions of success.
+"""Tasks: required body parts, distance scores, and conditions of success.
 
 Source: paper section 4 (tasks); the inverse-square score and CarryBall's success radius are those
 of the published runs.
@@ -7,10 +7,9 @@ of the published runs.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,10 @@ from ncrs_envs.body import (
     parse_body,
 )
 from ncrs_envs.errors import NCRSError
+from ncrs_envs.registry import Registry
+
+if TYPE_CHECKING:
+    from ncrs_envs.scenario import Scenario
 
 DISTANCE_SCORES = ("exponential", "inverse_square")
 
@@ -50,9 +53,44 @@ def distance_score(distance: float, extent: float, kind: str = "exponential") ->
     return (distance / extent + 1.0) ** -2
 
 
+class EpisodeView(Protocol):
+    """What a task's own reward and condition of success may read after a step."""
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """Centre (x, y) of the robot in units, and its heading in radians."""
+
+    @property
+    def ball(self) -> tuple[float, float] | None:
+        """Centre of the ball in units; None without a ball."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """Placements of the episode."""
+
+    @property
+    def distances(self) -> Sequence[float]:
+        """Distances in units: robot to light; with a ball, robot to ball and ball to target."""
+
+    @property
+    def closest(self) -> Sequence[float]:
+        """Minima of the distances over the steps so far."""
+
+
+PlaceFunction = Callable[[np.random.Generator, int, int, float], "Scenario"]
+"""Function of generator, region, grid size and noise that draws a scenario."""
+RewardFunction = Callable[[EpisodeView], float]
+SuccessFunction = Callable[[EpisodeView], bool]
+
+
 @dataclass(frozen=True)
 class Task:
-    """Definition of one task."""
+    """Definition of one task.
+
+    A task of one's own is made of the existing pieces (a light, or a ball with its target, and
+    walls) with its own placements; on Box2D it may also have its own reward and condition of
+    success. ``register_task`` makes it known by name.
+    """
 
     name: str
     env_id: str
@@ -63,6 +101,21 @@ class Task:
     has_light: bool = False
     has_ball: bool = False
     has_walls: bool = False
+    place: PlaceFunction | None = None
+    """Function that draws a scenario; None for the placements of the paper."""
+    reward: RewardFunction | None = None
+    """Function of the episode after a step; None for the mean score of the distances."""
+    succeeds: SuccessFunction | None = None
+    """Function of the episode after a step; None for the last distance within the radius."""
+
+    def __post_init__(self) -> None:
+        if self.has_light == self.has_ball:
+            raise TaskError(f"{self.name} must have either a light or a ball with its target.")
+
+    @property
+    def needs_box2d(self) -> bool:
+        """True if its reward or condition of success is a function, which no kernel can call."""
+        return self.reward is not None or self.succeeds is not None
 
     @property
     def title(self) -> str:
@@ -145,9 +198,8 @@ LIGHT_CHASE = Task("light_chase", "NCRS-LightChase-v0", 20.0, _SEEKER_PARTS, has
 OBSTACLE = Task("obstacle", "NCRS-Obstacle-v0", 20.0, _SEEKER_PARTS, has_light=True, has_walls=True)
 CARRY_BALL = Task("carry_ball", "NCRS-CarryBall-v0", 10.0, _CARRIER_PARTS, has_ball=True)
 
-TASKS: Mapping[str, Task] = MappingProxyType(
-    {task.name: task for task in (LIGHT_CHASE, OBSTACLE, CARRY_BALL)}
-)
+BUILT_IN = (LIGHT_CHASE, OBSTACLE, CARRY_BALL)
+TASKS: Registry[Task] = Registry("task", {task.name: task for task in BUILT_IN})
 
 
 def get_task(task: str | Task) -> Task:

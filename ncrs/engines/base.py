@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, ClassVar
@@ -17,8 +17,9 @@ from ncrs.automaton.channels import NCALayout
 from ncrs_envs.body import body_measures
 from ncrs_envs.cores import available_cores
 from ncrs_envs.errors import NCRSError
+from ncrs_envs.registry import Registry
 from ncrs_envs.scenario import Scenario, ScenarioError
-from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, Task, TaskSettings
 
 ScenarioRows = Sequence[Sequence[Scenario]]
 """One row of E scenarios for all genomes, or one row per genome."""
@@ -217,20 +218,33 @@ def check_workers(workers: Any) -> int:
     return int(workers)
 
 
-# Module and class of each engine, imported on use, since each needs its own heavy packages.
-ENGINES: Mapping[str, tuple[str, str]] = {
-    "batched": ("ncrs.engines.batched", "BatchedEngine"),
-    "box2d": ("ncrs.engines.box2d", "Box2DEngine"),
-}
+# Classes, or module and class: imported on use, since each needs its own heavy packages.
+ENGINES: Registry[str | type[Engine]] = Registry(
+    "engine",
+    {
+        "batched": "ncrs.engines.batched:BatchedEngine",
+        "box2d": "ncrs.engines.box2d:Box2DEngine",
+    },
+)
+
+
+def register_engine(engine: type[Engine]) -> None:
+    """Make an engine known by its ``name``; raise ``ExtensionError`` if that is taken."""
+    ENGINES.register(engine.name, engine)
+
 
 AUTO_ENGINE = "auto"
-"""Name for the best engine that works here: ``batched``."""
+"""Name for the best engine that works here: ``batched``, or ``box2d`` for tasks that need it."""
 
 
-def resolve_engine(name: str) -> str:
-    """Resolve the name of an engine; raise ``EngineSettingError`` if it is unknown."""
+def resolve_engine(name: str, task: Task | None = None) -> str:
+    """Resolve the name of an engine, for a task if it is known.
+
+    Raises:
+        EngineSettingError: If there is no such engine.
+    """
     if name == AUTO_ENGINE:
-        return "batched"
+        return "box2d" if task is not None and task.needs_box2d else "batched"
     if name not in ENGINES:
         raise EngineSettingError(
             f"Unknown engine {name!r}; choose one of {sorted([AUTO_ENGINE, *ENGINES])}."
@@ -240,6 +254,9 @@ def resolve_engine(name: str) -> str:
 
 def make_engine(name: str, settings: TaskSettings, workers: int | None = None) -> Engine:
     """Make the engine of that name; raise ``EngineSettingError`` if it is unknown."""
-    module, attribute = ENGINES[resolve_engine(name)]
-    engine: Engine = getattr(importlib.import_module(module), attribute)(settings, workers)
-    return engine
+    engine = ENGINES[resolve_engine(name, settings.task)]
+    if isinstance(engine, str):
+        module, _, attribute = engine.partition(":")
+        engine = getattr(importlib.import_module(module), attribute)
+    made: Engine = engine(settings, workers)
+    return made

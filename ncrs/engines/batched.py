@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ncrs.automaton.channels import growth_steps
 from ncrs.engines.base import (
     Engine,
+    EngineSettingError,
     EvaluationInterrupted,
     NonFiniteStateWarning,
     RolloutResult,
@@ -32,7 +33,7 @@ from ncrs.engines.rollout_kernels import (
 )
 from ncrs_envs.batched.layout import Scenarios
 from ncrs_envs.batched.records import scenario_records, settings_record
-from ncrs_envs.tasks import MAX_EPISODE_STEPS
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 _LOGGER = logging.getLogger(__name__)
 _POLL_S = 0.05
@@ -49,6 +50,14 @@ class BatchedEngine(Engine):
     """
 
     name = "batched"
+
+    def __init__(self, settings: TaskSettings, workers: int | None = None) -> None:
+        if settings.task.needs_box2d:
+            raise EngineSettingError(
+                f"{settings.name} has its own reward or condition of success, which only Box2D "
+                "runs: choose the engine box2d."
+            )
+        super().__init__(settings, workers)
 
     def _rollout(
         self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck

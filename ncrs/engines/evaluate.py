@@ -42,7 +42,7 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
         genomes: Finite real numbers, shape ``(P, num_parameters)`` or ``(num_parameters,)``.
         task: Task or its name, "light_chase", "obstacle" or "carry_ball".
         engine: Engine to use: "batched" (compiled, fast), "box2d" (the reference), or "auto" for
-            the best engine that works here, batched.
+            the best engine that works here: batched, unless the task needs Box2D.
         scenarios: One row of E scenarios for all genomes, or P rows of E; None to sample them.
         episodes: Number of scenarios to sample, 12 in the paper; ignored if ``scenarios`` is given.
         seed: Seed for sampling the scenarios; ignored if ``scenarios`` is given.
@@ -66,7 +66,7 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
     checked = nca_layout(settings.task).check_genomes(genomes)
     if scenarios is None:
         scenarios = sample_scenarios(settings.task, seed, episodes, settings.grid_size)
-    engine = resolve_engine(engine)
+    engine = resolve_engine(engine, settings.task)
     if workers is None and len(checked) < _WORTH_WORKERS and engine == "box2d":
         workers = 1
     with make_engine(engine, settings, workers) as running:

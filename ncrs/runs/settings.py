@@ -20,7 +20,7 @@ from ncrs.runs.seeds import SeedError, check_seed
 from ncrs.runs.wording import train_command
 from ncrs_envs.checks import check_types, closest
 from ncrs_envs.errors import NCRSError
-from ncrs_envs.mirroring import AUTO_MIRRORING, ScenarioSampling, resolve_mirroring
+from ncrs_envs.mirroring import AUTO_MIRRORING, STANDARD, ScenarioSampling, resolve_mirroring
 from ncrs_envs.scenario import NOISE
 from ncrs_envs.tasks import TaskSettings
 
@@ -75,6 +75,9 @@ class TrainConfig:
     """Episodes per evaluation; 12 in the paper."""
     common_scenarios: bool = True
     """Evaluate all genomes of a generation in the same scenarios; they are new every generation."""
+    scenarios: str = STANDARD
+    """Sampling of the scenarios: standard, by the task and the next two settings; or the name of a
+    registered one."""
     mirroring: str = AUTO_MIRRORING
     """Mirror images of scenarios, so that driving blindly does not pay: none; front_back, the same
     light ahead and behind (where the other tasks never put it); all that the task allows, left and
@@ -134,7 +137,7 @@ class TrainConfig:
         """Return the checked sampling of scenarios, with "auto" mirroring resolved."""
         try:
             mirroring = resolve_mirroring(self.mirroring, self.task.task, self.symmetric)
-            return ScenarioSampling(mirroring, self.placement_noise).check()
+            return ScenarioSampling(mirroring, self.placement_noise, self.scenarios).check()
         except ValueError as error:
             raise ConfigError(str(error)) from error
 
@@ -142,7 +145,7 @@ class TrainConfig:
         """Return these settings with every "auto" resolved."""
         return replace(
             self,
-            engine=replace(self.engine, name=resolve_engine(self.engine.name)),
+            engine=replace(self.engine, name=resolve_engine(self.engine.name, self.task.task)),
             mirroring=self.sampling().mirroring,
         )
 

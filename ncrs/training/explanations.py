@@ -29,7 +29,10 @@ class Explanation(NamedTuple):
 @cache
 def _texts(record: type) -> Mapping[str, str]:
     """Read the strings below the fields of a class, without those that it inherits."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(record)))
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(record)))
+    except OSError:  # a class that was typed into an interpreter has no source to read
+        return {}
     definition = tree.body[0]
     assert isinstance(definition, ast.ClassDef)
     texts = {}

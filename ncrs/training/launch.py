@@ -47,8 +47,10 @@ class SweepCallback(Callback):
 
 def launch(arguments: Sequence[str]) -> None:
     """Run the command line; bad input ends with one sentence and exit code 2."""
-    register()
+    # Hydra's parser takes flags before or after all settings, not among them.
+    arguments = sorted(arguments, key=lambda word: word not in ("-m", "--multirun"))
     try:
+        register()
         folder = resource_folder("conf")
         if list(arguments[-1:]) in (["--config-dir"], ["-cd"]):
             print(folder)

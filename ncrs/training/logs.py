@@ -31,9 +31,12 @@ class RunLog:
         run_dir: Folder of the run.
         config: Settings of the run, written as text with the versions, and as hyperparameters.
         start: Index of the first generation to come; records from there on are dropped.
+        progress: Show the progress bar.
     """
 
-    def __init__(self, run_dir: Path, config: TrainConfig, start: int) -> None:
+    def __init__(
+        self, run_dir: Path, config: TrainConfig, start: int, progress: bool = True
+    ) -> None:
         self._run_dir = run_dir
         with writing(run_dir):
             self._writer = SummaryWriter(str(run_dir), purge_step=start if start else None)
@@ -50,6 +53,7 @@ class RunLog:
             total=config.generations,
             initial=start,
             unit="gen",
+            disable=not progress,
             desc=config.task.name,
             mininterval=0.1 if terminal else _BAR_SECONDS_WITHOUT_TERMINAL,
             dynamic_ncols=terminal,

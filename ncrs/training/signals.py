@@ -19,11 +19,16 @@ class StopRequest:
 
     def __init__(self) -> None:
         self.received: signal.Signals | None = None
+        self._is_asked = False
         self._previous: dict[signal.Signals, Any] = {}
 
     def __call__(self) -> bool:
-        """Return True once a signal has been received."""
-        return self.received is not None
+        """Return True once a signal has been received, or somebody asked to stop."""
+        return self.received is not None or self._is_asked
+
+    def ask(self) -> None:
+        """Request the stop without a signal."""
+        self._is_asked = True
 
     def __enter__(self) -> StopRequest:
         if threading.current_thread() is threading.main_thread():

@@ -20,6 +20,7 @@ from ncrs.training.selection import ChampionSelection
 from ncrs.training.signals import StopRequest
 from ncrs.training.state import RunState, TrainingResult
 from ncrs.training.timing import PhaseTimer
+from ncrs.training.watch import DEFAULT_WATCH, Watch
 
 
 class Trainer:
@@ -28,6 +29,7 @@ class Trainer:
     Args:
         config: Settings of the run.
         run_dir: Folder of the run, made if missing.
+        watch: Progress bar and callback.
 
     Raises:
         ConfigError: If the optimizer refuses a setting at this size, or ``start_from`` is missing
@@ -36,8 +38,9 @@ class Trainer:
         CheckpointError: If the file to start from is damaged.
     """
 
-    def __init__(self, config: TrainConfig, run_dir: Path) -> None:
+    def __init__(self, config: TrainConfig, run_dir: Path, watch: Watch = DEFAULT_WATCH) -> None:
         self._config = config
+        self._watch = watch
         self._run_dir = run_dir
         self._search = Search(config)
         self._selection = ChampionSelection(config, self._search.objective)
@@ -94,7 +97,7 @@ class Trainer:
         config = self._config
         with (
             make_engine(config.engine.name, config.task, config.engine.workers) as engine,
-            RunLog(self._run_dir, config, self._state.generation) as log,
+            RunLog(self._run_dir, config, self._state.generation, self._watch.progress) as log,
         ):
             with suppress(EvaluationInterrupted):  # resuming repeats that generation
                 self._loop(engine, log, stop)
@@ -122,6 +125,7 @@ class Trainer:
             metrics = self._metrics(generation)
             with timer.phase("log"):
                 log.generation(generation, metrics, search.archive)
+            self._watch.generation(generation, metrics, stop)
             if self._is_done or self._files.are_due:
                 with timer.phase("checkpoint"):
                     self._files.save(state)

@@ -64,7 +64,7 @@ class ScenarioTable:
         regions: Sequence[int | None],
     ) -> None:
         """Set the scenarios of episodes to those that ``sample_scenario`` would draw."""
-        if not self._task.has_walls:
+        if self._task.place is not None or not self._task.has_walls:
             self.put(
                 episodes,
                 [

@@ -1,10 +1,6 @@
 """The robots that come with the package: they are there, and do what their cards say."""
 
 import shutil
-import subprocess
-import sys
-import sysconfig
-import venv
 from dataclasses import asdict
 from pathlib import Path
 
@@ -93,32 +89,6 @@ def test_the_experiment_is_the_champions(task):
         composed = asdict(train_config(compose("config", overrides), overrides))
     recorded = asdict(config_from_dict(ncrs.load_champion(f"{task}/best").card["config"]))
     assert composed == recorded
-
-
-@pytest.mark.slow
-def test_an_installed_package_has_them_too(tmp_path):
-    """A wheel built and installed elsewhere, with the dependencies of this environment."""
-    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
-    source = tmp_path / "source"
-    kept = ("ncrs", "ncrs_envs", "assets", "setup.cfg", "pyproject.toml", "README.md", "LICENSE")
-    for name in kept:
-        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
-        source.mkdir(exist_ok=True)
-        copy(ROOT / name, source / name)
-    subprocess.run([*pip, "wheel", str(source), "--no-deps", "-w", str(tmp_path)], check=True)
-    venv.create(tmp_path / "venv", with_pip=False)
-    (wheel,) = tmp_path.glob("*.whl")
-    target = tmp_path / "venv" / "bin" / "python"
-    subprocess.run([*pip, "--python", str(target), "install", "--no-deps", str(wheel)], check=True)
-    code = (
-        f"import sys; sys.path.append({sysconfig.get_path('purelib')!r}); "
-        "import ncrs; print(ncrs.__file__); print(*ncrs.champions())"
-    )
-    printed = subprocess.run(
-        [str(target), "-c", code], cwd=tmp_path, check=True, capture_output=True, text=True
-    ).stdout.split()
-    assert printed[0].startswith(str(tmp_path))
-    assert printed[1:] == NAMES
 
 
 def test_commands_take_a_champion_by_name(tmp_path, monkeypatch, capsys):

@@ -1,7 +1,7 @@
 """Optimizers behind one small interface (ask, tell, state), each with its record of settings."""
 
 from ncrs.evolution.optimizers.base import Optimizer
-from ncrs.evolution.optimizers.registry import OPTIMIZERS, make_optimizer
+from ncrs.evolution.optimizers.registry import OPTIMIZERS, make_optimizer, register_optimizer
 from ncrs.evolution.optimizers.settings import (
     CMAESSettings,
     CMAMAESettings,
@@ -25,4 +25,5 @@ __all__ = [
     "OptimizerSettings",
     "SepCMAESSettings",
     "make_optimizer",
+    "register_optimizer",
 ]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
-from types import MappingProxyType
+from dataclasses import MISSING, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -19,19 +18,21 @@ from ncrs.evolution.optimizers.settings import (
     OptimizerSettings,
     SepCMAESSettings,
 )
+from ncrs_envs.registry import ExtensionError, Registry
 
 
 class Entry(NamedTuple):
     """An optimizer's settings and class."""
 
     settings: type[OptimizerSettings]
-    path: str
-    """Module and class; the module is imported only when the optimizer is made."""
+    optimizer: str | type[Optimizer]
+    """The class, or its module and name: then it is imported only when the optimizer is made."""
 
 
 _HERE = "ncrs.evolution.optimizers"
 
-OPTIMIZERS: Mapping[str, Entry] = MappingProxyType(
+OPTIMIZERS: Registry[Entry] = Registry(
+    "optimizer",
     {
         settings.name: Entry(settings, path)
         for settings, path in (
@@ -42,8 +43,29 @@ OPTIMIZERS: Mapping[str, Entry] = MappingProxyType(
             (CMAMAESettings, f"{_HERE}.cma_mae:CMAMAE"),
             (MAPElitesSettings, f"{_HERE}.map_elites:MAPElites"),
         )
-    }
+    },
 )
+
+
+def register_optimizer(settings: type[OptimizerSettings], optimizer: type[Optimizer]) -> None:
+    """Make an optimizer known by its name, the default of ``settings.name``.
+
+    Args:
+        settings: Dataclass of the optimizer's settings, all with defaults.
+        optimizer: Class with ``_ask``, ``_tell``, ``_state`` and ``_load_state``, ``mean`` and
+            ``metrics``.
+
+    Raises:
+        ExtensionError: If another optimizer has that name, or a setting has no default.
+    """
+    missing = [item.name for item in fields(settings) if item.default is MISSING]
+    if missing:
+        raise ExtensionError(
+            f"All settings of an optimizer need defaults; {settings.__name__} has none for "
+            f"{', '.join(missing)}."
+        )
+    defaults = {item.name: item.default for item in fields(settings)}
+    OPTIMIZERS.register(str(defaults["name"]), Entry(settings, optimizer))
 
 
 def make_optimizer(
@@ -59,6 +81,9 @@ def make_optimizer(
     Raises:
         OptimizerError: If torch cannot use the device of the settings.
     """
-    module, _, name = OPTIMIZERS[settings.name].path.partition(":")
-    cls: type[Optimizer] = getattr(importlib.import_module(module), name)
-    return cls(dimension, seed, settings)
+    optimizer = OPTIMIZERS[settings.name].optimizer
+    if isinstance(optimizer, str):
+        module, _, name = optimizer.partition(":")
+        optimizer = getattr(importlib.import_module(module), name)
+    made: Optimizer = optimizer(dimension, seed, settings)
+    return made
