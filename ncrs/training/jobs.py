@@ -90,9 +90,8 @@ def _leave_if_stopped(result: TrainingResult) -> None:
     if result.stopped_by is None:
         return
     print("\n".join(stopped_lines(result, result.stopped_by)), flush=True)
-    if callable(signal.getsignal(result.stopped_by)):
-        # Somebody's own handler, such as submitit's, which queues the job again.
-        signal.raise_signal(result.stopped_by)
+    if result.stopped_by not in (signal.SIGINT, signal.SIGTERM):
+        signal.raise_signal(result.stopped_by)  # the scheduler's handler queues the job again
     sys.exit(exit_code(result.stopped_by))
 
 

@@ -1,4 +1,4 @@
-"""Stopping at a signal: the first SIGINT or SIGTERM requests it, the second forces it."""
+"""Stopping at a signal: the first requests it, the second forces it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,21 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_OF_SCHEDULERS = ("SIGUSR1", "SIGUSR2")
+"""Signals by which a scheduler announces that a job's time ends, where something handles them."""
+
+
+def _signals() -> list[signal.Signals]:
+    """List the signals that request a stop.
+
+    A scheduler's library, such as submitit, handles SIGTERM itself, and queues the job again at
+    another signal, which is passed on to it once the run is saved.
+    """
+    numbers = [signal.SIGINT]
+    if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
+        numbers.append(signal.SIGTERM)
+    named = [getattr(signal, name) for name in _OF_SCHEDULERS if hasattr(signal, name)]
+    return numbers + [number for number in named if callable(signal.getsignal(number))]
 
 
 class StopRequest:
@@ -32,7 +46,7 @@ class StopRequest:
 
     def __enter__(self) -> StopRequest:
         if threading.current_thread() is threading.main_thread():
-            self._previous = {number: signal.signal(number, self._handle) for number in _SIGNALS}
+            self._previous = {number: signal.signal(number, self._handle) for number in _signals()}
         return self
 
     def __exit__(

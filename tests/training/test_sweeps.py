@@ -147,3 +147,38 @@ def test_optuna_maximises_and_goes_on_after_its_study(tmp_path):
     fitness = [load_champion_file(path.parent).fitness for path in tmp_path.glob("*/champion.npz")]
     assert sorted(trial.value for trial in study.trials) == sorted(fitness)
     assert math.isclose(study.best_value, max(fitness))
+
+
+def _submitted(folder):
+    """Find the process of a job that submitit runs."""
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (process / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if b"submitit.core._submit" in words and any(str(folder).encode() in w for w in words):
+            return int(process.name)
+    raise AssertionError("no job is running")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
+def test_a_job_whose_time_ends_is_saved_queued_again_and_resumed(tmp_path):
+    pytest.importorskip("submitit")
+    arguments = [*TINY, "optimizer.parents=4", "seed=0", "generations=60"]
+    arguments = [word for word in arguments if word != "generations=4"]
+    assert sweep(tmp_path / "undisturbed", *arguments).returncode == 0
+    process = subprocess.Popen(
+        command(tmp_path / "queued", *arguments, "hydra/launcher=ncrs_local"), cwd=ROOT
+    )
+    run = tmp_path / "queued" / "0"
+    while generations_done(run / "checkpoints") < 5:
+        assert process.poll() is None
+        time.sleep(0.01)
+    os.kill(_submitted(tmp_path / "queued"), signal.SIGUSR2)  # as SLURM does before the limit
+    assert process.wait(timeout=120) == 0
+    log = "".join(file.read_text() for file in tmp_path.glob("queued/.submitit/*/*log.*"))
+    assert "Stopped by SIGUSR2" in log
+    assert "Requeued job" in log
+    champions = [tmp_path / name / "0" / "champion.npz" for name in ("queued", "undisturbed")]
+    assert champions[0].read_bytes() == champions[1].read_bytes()
