@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Mapping, Sequence
 
@@ -39,6 +40,9 @@ def _parser(chosen: str | None) -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; bad input ends with one sentence and exit code 2."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] == ["-sc"]:  # the shell's completion of `ncrs train` leaves out the command
+        os.environ["COMP_LINE"] = os.environ.get("COMP_LINE", "").replace(f" {TRAIN} ", " ", 1)
+        words = [TRAIN, *words]
     chosen = words[0] if words and words[0] in _COMMANDS else None
     if chosen == TRAIN:
         # Hydra reads its own arguments.

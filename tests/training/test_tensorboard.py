@@ -1,6 +1,7 @@
 """TensorBoard beside the scalars: content, times and file of what is written."""
 
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +14,20 @@ from torch.utils.tensorboard import SummaryWriter
 
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCA
+from ncrs.evolution.optimizers import SepCMAESSettings
 from ncrs.runs.champion import Champion
 from ncrs.runs.elites import make_archive
 from ncrs.runs.settings import TrainConfig
-from ncrs.training.tensorboard import Budget, RunPictures, add_end, add_settings, spread
+from ncrs.training.tensorboard import (
+    LAYOUT,
+    Budget,
+    RunPictures,
+    _settings,
+    add_end,
+    add_settings,
+    spread,
+)
+from ncrs.training.trainer import train
 from ncrs_envs.body import body_measures
 from ncrs_envs.tasks import TaskSettings
 
@@ -51,6 +62,16 @@ def archive(champion):
         np.tile(champion.genome, (13, 1)), np.linspace(0.3, 0.5, 13), body_measures(bodies), bodies
     )
     return archive
+
+
+@pytest.fixture(scope="module")
+def undisturbed_tags(tmp_path_factory):
+    """Tags of all curves of a short run."""
+    folder = tmp_path_factory.mktemp("run")
+    optimizer = SepCMAESSettings(sigma=0.01, population=16)
+    settings = {"generations": 1, "episodes": 2, "champion_every": 1, "champion_episodes": 2}
+    train(TrainConfig(optimizer=optimizer, start_from="light_chase/best", **settings), folder)
+    return read(folder).Tags()["scalars"]
 
 
 def read(folder):
@@ -144,6 +165,23 @@ def test_settings_are_hyperparameters_of_the_run_itself(tmp_path):
     metrics = [info.name.tag for info in found["experiment"].experiment.metric_infos]
     assert "champion/fitness" in metrics
     assert "custom_scalars__config__" in read(tmp_path).Tags()["tensors"]
+
+
+def test_chosen_settings_come_first_among_the_hyperparameters():
+    config = TrainConfig(seed=5, optimizer=SepCMAESSettings(sigma=0.2)).resolved()
+    settings = list(_settings(config))
+    assert settings[:2] == ["optimizer.sigma", "seed"]
+
+
+def test_fitness_and_success_come_first_and_each_chart_has_one_scale(undisturbed_tags):
+    groups = sorted({tag.partition("/")[0] for tag in undisturbed_tags})
+    assert groups[:2] == ["champion", "fitness"]
+    assert {"champion/fitness", "champion/success"} <= set(undisturbed_tags)
+    charts = [patterns for section in LAYOUT.values() for _, patterns in section.values()]
+    assert ["optimizer/sigma"] in charts
+    for patterns in charts:
+        for pattern in patterns:
+            assert any(re.search(pattern, tag) for tag in undisturbed_tags), pattern
 
 
 def test_the_strip_goes_from_few_cells_to_many():
