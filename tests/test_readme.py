@@ -17,6 +17,8 @@ import pytest
 import yaml
 
 import ncrs
+from ncrs.training.arguments import check_arguments
+from ncrs.training.hydra import register
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -41,6 +43,18 @@ EXPECTED = {
         "vectors.observation_space.shape": [2],
         "contrasts.shape": [512, 5],
         "sorted(observation)": ["body", "sensors"],
+    },
+    "training.md": {
+        "run.curves['fitness/mean'].shape": [2],
+        "longer.curves['fitness/mean'].shape": [3],
+        "longer.finished": True,
+    },
+    "extending.md": {
+        "len(run.curves['fitness/best'])": 3,
+        "result.fitness.shape": [1],
+        "envs.observation_space.shape": [8, 5, 5],
+        "ahead.config.scenarios": "in_front",
+        "round(float(1000 * (plain.fitness - frugal.fitness)[0]))": 25,
     },
 }
 TINY = "generations=1 episodes=2 champion_every=1 champion_episodes=2 optimizer.population=16"
@@ -74,9 +88,10 @@ def _by_document(documents: list[Path]) -> list[object]:
     ]
 
 
-@pytest.mark.parametrize("document", [README, ROOT / "docs" / "environments.md"], ids=str)
-def test_python_blocks_run_one_after_another(document, tmp_path):
-    expected = EXPECTED[document.name]
+@pytest.mark.parametrize("name", EXPECTED)
+def test_python_blocks_run_one_after_another(name, tmp_path):
+    document = README if name == README.name else ROOT / "docs" / name
+    expected = EXPECTED[name]
     values = ", ".join(f"{text!r}: {text}" for text in expected)
     code = "\n".join(
         [*_blocks(document, "python"), f"import json; print(json.dumps({{{values}}}))"]
@@ -102,26 +117,28 @@ def _check_ncrs(arguments: list[str], printed: Callable[[], str]) -> None:
     assert [word for word in rest if word.startswith("--") and word not in shown] == []
 
 
-def _check_train(arguments: list[str], printed: Callable[[], str]) -> None:
+def _check_train(arguments: list[str], folder: Path) -> None:
     # Only a run that exists can be resumed.
-    given = [word for word in arguments if not word.startswith("resume=") and word != "-m"]
-    first = [word.split(",")[0] for word in given]  # of a sweep
-    sys.argv = [str(ROOT / "train.py"), *first, "--cfg", "job"]
-    runpy.run_path(sys.argv[0], run_name="__main__")
-    assert "generations:" in printed()
+    given = [word for word in arguments if not word.startswith("resume=")]
+    (folder / "FOLDER" / "experiment").mkdir(parents=True)
+    (folder / "FOLDER" / "experiment" / "mine.yaml").write_text("# @package _global_\nseed: 3\n")
+    register()
+    check_arguments(given, ROOT / "conf")
 
 
 @pytest.mark.parametrize("line", _by_document(DOCUMENTS))
 def test_command_lines_parse(line, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", [])
+    monkeypatch.setattr(sys, "argv", ["train.py"])
     program, *arguments = shlex.split(line)
     if program == "pip":
         _check_pip(arguments)
+    elif program == "ncrs" and arguments[0] == "train":
+        _check_train(arguments[1:], tmp_path)
     elif program == "ncrs":
         _check_ncrs(arguments, lambda: capsys.readouterr().out)
     elif program == "python" and arguments[0] == "train.py":
-        _check_train(arguments[1:], lambda: capsys.readouterr().out)
+        _check_train(arguments[1:], tmp_path)
     elif program == "python" and arguments[0] == "-m":
         assert (ROOT / f"{arguments[1].replace('.', '/')}.py").is_file()
     elif program == "python":
