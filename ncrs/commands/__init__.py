@@ -23,8 +23,8 @@ def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = Non
         type=Path,
         nargs=nargs,
         metavar="ROBOT",
-        help="a run's folder, a champion's or archive's file, a genome (.npy, with --task), or the "
-        "name of a published champion, such as light_chase/best",
+        help="a run's folder, a champion's or archive's file, a genome (.npy with --task, or a "
+        "report's .json), or the name of a published champion, such as light_chase/best",
     )
     parser.add_argument(
         "--measures",
@@ -33,7 +33,7 @@ def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = Non
         metavar=("SENSORS", "WHEELS", "CELLS"),
         help="the elite of the archive with these measures, instead of the champion",
     )
-    parser.add_argument("--task", choices=sorted(TASKS), help="task of a genome")
+    parser.add_argument("--task", choices=sorted(TASKS), help="task of a genome (.npy)")
     parser.add_argument("--grid-size", type=int, help="side of a genome's body; default: 5")
 
 
