@@ -15,7 +15,6 @@ from ncrs_envs.interface import OptionError
 from ncrs_envs.scenario import Scenario, ScenarioError, check_region
 from ncrs_envs.tasks import Task
 
-RENDERED_BY_DEFAULT = 4
 NO_STEP_LIMIT = -1
 """Value of ``max_episode_steps`` for no truncation, as in ``gymnasium.make``."""
 
@@ -212,16 +211,6 @@ def check_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
     except ValueError as error:
         known = [known.value for known in AutoresetMode]
         raise OptionError(f"autoreset_mode must be one of {known}, got {mode!r}.") from error
-
-
-def check_render_envs(envs: Sequence[int] | None, count: int) -> list[int]:
-    """Return the indices of the environments to draw; by default the first few."""
-    if envs is None:
-        return list(range(min(count, RENDERED_BY_DEFAULT)))
-    indices = [int(env) for env in envs]
-    if any(not 0 <= env < count for env in indices):
-        raise OptionError(f"render_envs must hold indices from 0 to {count - 1}, got {indices}.")
-    return indices
 
 
 def batch_info(values: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[str, Any]:
