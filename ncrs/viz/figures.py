@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from ncrs.runs.elites import EliteArchive
 from ncrs.runs.folders import Group, find_runs, group_runs
 from ncrs.viz.errors import VizError
-from ncrs.viz.figures_archive import archive_plot, histogram_plot
+from ncrs.viz.figures_archive import archive_plot, fitness_range, histogram_plot
 from ncrs.viz.figures_curves import fitness_plot
 from ncrs.viz.figures_robots import channels_plot, designs_plot, positions_plot
 from ncrs.viz.options import FigureOptions
@@ -22,15 +23,24 @@ def _plots(groups: Sequence[Group], options: FigureOptions) -> Iterator[Plot]:
     ):
         if compared is not None:
             yield compared
+    archives = {group.name: archive for group in groups if (archive := _fullest(group))}
     for group in groups:
         champions = group.champions()
         if champions:
             _, champion = champions[0]
             yield channels_plot(champion, group.name, options.seed)
             yield positions_plot(champion, group.name, options.episodes, options.seed)
-        archives = [archive for archive in (run.archive() for run in group.runs) if archive]
-        if archives:
-            yield archive_plot(max(archives, key=lambda found: len(found.archive)), group.name)
+        if group.name in archives:
+            archive = archives[group.name]
+            # One range for all methods, so that the colours of their figures compare.
+            alike = [other for other in archives.values() if other.task.name == group.task]
+            yield archive_plot(archive, group.name, fitness_range(alike))
+
+
+def _fullest(group: Group) -> EliteArchive | None:
+    """Return the archive with the most elites; None if no run has elites."""
+    archives = [archive for archive in (run.archive() for run in group.runs) if archive]
+    return max(archives, key=lambda found: len(found.archive), default=None)
 
 
 def save_figures(

@@ -15,7 +15,7 @@ from ncrs.viz.options import FilmOptions
 from ncrs.viz.recording import Recording, record_episodes
 from ncrs.viz.stills import Lettering, Picture, ground, ramp, write
 from ncrs_envs.body import sensor_mask, wheel_mask
-from ncrs_envs.canvas import BORDER, SIGNED, TISSUE
+from ncrs_envs.canvas import BORDER, SIGNED, SIGNED_LIMIT, TISSUE
 from ncrs_envs.physics import DT
 from ncrs_envs.rendering import draw_body, draw_scene
 
@@ -24,8 +24,6 @@ _GROWTH_SECONDS = 0.4
 """Time for which each step of growth is shown."""
 _PAUSE_SECONDS = 1.0
 _CHANNEL_COLUMNS = 5
-_CHANNEL_LIMIT = 2.0
-"""Magnitude of a channel's values above which colours no longer change; few exceed it."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,7 @@ def _panel(
     panel[top : top + channels.shape[0], margin : margin + channels.shape[1]] = channels
     panel = write(panel, (margin, margin), lines[0], Lettering(size.text))
     panel = write(panel, (margin, 2.6 * margin), "\n".join(lines[1:]), Lettering(size.text, TISSUE))
-    caption = f"{state.shape[-1]} channels of the NCA, -2 to 2"
+    caption = f"{state.shape[-1]} channels of the NCA, {-SIGNED_LIMIT:g} to {SIGNED_LIMIT:g}"
     small = Lettering(size.text * 4 // 5, TISSUE, "ls")
     return write(panel, (margin, top - 0.5 * margin), caption, small)
 
@@ -131,7 +129,7 @@ def channel_picture(state: NDArray[np.float32], width: int) -> Picture:
     picture = ground(rows * side - gap, _CHANNEL_COLUMNS * side - gap)
     for channel in range(channels):
         row, column = divmod(channel, _CHANNEL_COLUMNS)
-        colors = ramp(state[..., channel], -_CHANNEL_LIMIT, _CHANNEL_LIMIT, SIGNED)
+        colors = ramp(state[..., channel], -SIGNED_LIMIT, SIGNED_LIMIT, SIGNED)
         cells = colors.repeat(pixels, axis=0).repeat(pixels, axis=1)
         top, left = row * side, column * side
         picture[top : top + cells.shape[0], left : left + cells.shape[1]] = cells
