@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -114,6 +116,28 @@ def print_saved(paths: list[Path]) -> None:
 def describe(robot: EvolvedRobot) -> str:
     """Format the task and the name of a robot, in one line."""
     return f"{robot.task.name}, {robot.title}"
+
+
+@contextmanager
+def progress_bar(description: str, unit: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a progress bar on stderr if the block takes longer than a second.
+
+    Args:
+        description: Work that is done.
+        unit: Name of one piece of it.
+
+    Yields:
+        Function to call with the number of pieces done, and the number of all.
+    """
+    from tqdm import tqdm
+
+    with tqdm(unit=unit, desc=description, leave=False, delay=1.0) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield progress
 
 
 def require(package: str) -> None:
