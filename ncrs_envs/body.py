@@ -5,6 +5,7 @@ Source: paper section 4 (bodies); the densities are those of the published runs.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -88,7 +89,8 @@ def parse_body(body: Any, grid_size: int | None = None) -> BodyGrid:
     Args:
         body: Integer array or nested list of ``Cell`` codes, shape ``(n, n)``, or ``n`` rows of
             characters (``.`` empty, ``#`` tissue, ``L`` light sensor, ``T`` target sensor,
-            ``W`` wheel), as a sequence of strings or one string with line breaks.
+            ``W`` wheel), as a sequence of strings or one string with rows that end with a line
+            break or ``/``. Spaces between characters do not count.
         grid_size: Required side ``n`` of the grid; None for any ``n >= 3``.
 
     Returns:
@@ -97,8 +99,10 @@ def parse_body(body: Any, grid_size: int | None = None) -> BodyGrid:
     Raises:
         BodyError: ``body`` has the wrong rank, size or dtype, or an unknown code or character.
     """
+    if isinstance(body, np.ndarray) and body.dtype.kind == "U":
+        body = body.tolist()
     if isinstance(body, str):
-        body = body.split()
+        body = _split_rows(body)
     if isinstance(body, Sequence) and len(body) > 0 and all(isinstance(r, str) for r in body):
         body = _from_characters(body)
     try:
@@ -138,11 +142,37 @@ def parse_body(body: Any, grid_size: int | None = None) -> BodyGrid:
     return parsed
 
 
+_ROW_ENDS = re.compile(r"\n|/|\\n")
+"""Ends of rows in a string: a line break, as it is or as JSON shows it, or a slash."""
+
+
+def is_whole_body(text: str) -> bool:
+    """Tell a string of several rows from a single row."""
+    return _ROW_ENDS.search(text.strip()) is not None
+
+
+def _split_rows(text: str) -> list[str]:
+    """Split a body in one string into its rows; without any end of a row, at the spaces."""
+    rows = [row for row in _ROW_ENDS.split(text) if row.strip()]
+    if not rows:
+        raise BodyError(
+            "body must have rows of characters, such as 'L#L/W#W/W#W', got an empty string."
+        )
+    return rows if len(rows) > 1 else text.split()
+
+
 def _from_characters(rows: Sequence[str]) -> list[list[int]]:
+    rows = ["".join(row.split()) for row in rows]
     unknown = sorted(set("".join(rows)) - set(CELL_CHARACTERS))
     if unknown:
         known = ", ".join(f"{c!r} {cell.name.lower()}" for c, cell in CELL_CHARACTERS.items())
         raise BodyError(f"body holds unknown characters {unknown}; known are {known}.")
+    lengths = [len(row) for row in rows]
+    if len(set(lengths)) > 1:
+        raise BodyError(
+            f"body must be a square grid; its rows differ in length: {lengths}. Write an empty "
+            "cell as '.', since spaces do not count."
+        )
     return [[int(CELL_CHARACTERS[c]) for c in row] for row in rows]
 
 

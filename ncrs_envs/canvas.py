@@ -39,11 +39,14 @@ AMOUNTS: Sequence[Color] = (
     (68, 1, 84), (71, 45, 123), (59, 82, 139), (44, 114, 142), (33, 145, 140),
     (40, 174, 128), (94, 201, 98), (173, 220, 48), (253, 231, 37),
 )  # fmt: skip
-"""Colour scale for amounts, in equal steps: viridis, even in lightness, colour-blind-safe."""
+"""Colour scale for amounts, in equal steps: viridis, even in lightness, colour-blind-safe. Fitness
+and generation run from the lowest to the highest elite on show, success from 0 to 1."""
 SIGNED: Sequence[Color] = (
     (8, 64, 129), (67, 147, 195), (247, 247, 247), (241, 150, 70), (127, 59, 8),
 )  # fmt: skip
-"""Colour scale for signed values: blue, white at zero, orange."""
+"""Colour scale for signed values, the channels of an automaton: blue, white at zero, orange."""
+SIGNED_LIMIT = 2.0
+"""Magnitude of signed values above which colours no longer change; few values exceed it."""
 
 _MAX_SAMPLES = 3
 """Maximum number of surface pixels along the side of a pixel of the picture."""

@@ -99,7 +99,10 @@ class SB3VecEnv(VecEnv):
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Frames of the environments that are rendered; see ``render_envs`` of the vector env."""
         frames = self.envs.render()
-        return [None] if frames is None else list(frames)  # type: ignore[arg-type]
+        if frames is None:
+            return [None]
+        drawn = getattr(self.envs.unwrapped, "render_envs", range(self.num_envs))
+        return [frames[env] for env in drawn]  # type: ignore[misc]
 
     def _chosen(self, indices: Indices) -> list[int]:
         return [int(index) for index in self._get_indices(indices)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+os.environ.setdefault("NCRS_QUIET", "1")  # notices would differ from one computer to the next
 DATA = Path(__file__).parent / "data"
 
 

@@ -141,12 +141,13 @@ class NCA(_CellularAutomaton):
         """
         if isinstance(genome, Tensor):
             genome = genome.detach().cpu().numpy()
+        rows = self.layout.check_genomes(genome)
         if np.ndim(genome) != 1:
             raise GenomeError(
                 f"A genome must be a vector of {self.num_parameters} weights, "
                 f"got shape {np.shape(genome)}."
             )
-        vector = torch.from_numpy(self.layout.check_genomes(genome)[0])
+        vector = torch.from_numpy(rows[0])
         with torch.no_grad():
             vector_to_parameters(vector.to(self.device), self.parameters())
         return self

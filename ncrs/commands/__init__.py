@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,8 +25,8 @@ def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = Non
         type=Path,
         nargs=nargs,
         metavar="ROBOT",
-        help="a run's folder, a champion's or archive's file, a genome (.npy, with --task), or the "
-        "name of a published champion, such as light_chase/best",
+        help="a run's folder, a champion's or archive's file, a genome (.npy with --task, or a "
+        "report's .json), or the name of a published champion, such as light_chase/best",
     )
     parser.add_argument(
         "--measures",
@@ -33,7 +35,7 @@ def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = Non
         metavar=("SENSORS", "WHEELS", "CELLS"),
         help="the elite of the archive with these measures, instead of the champion",
     )
-    parser.add_argument("--task", choices=sorted(TASKS), help="task of a genome")
+    parser.add_argument("--task", choices=sorted(TASKS), help="task of a genome (.npy)")
     parser.add_argument("--grid-size", type=int, help="side of a genome's body; default: 5")
 
 
@@ -114,6 +116,28 @@ def print_saved(paths: list[Path]) -> None:
 def describe(robot: EvolvedRobot) -> str:
     """Format the task and the name of a robot, in one line."""
     return f"{robot.task.name}, {robot.title}"
+
+
+@contextmanager
+def progress_bar(description: str, unit: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a progress bar on stderr if the block takes longer than a second.
+
+    Args:
+        description: Work that is done.
+        unit: Name of one piece of it.
+
+    Yields:
+        Function to call with the number of pieces done, and the number of all.
+    """
+    from tqdm import tqdm
+
+    with tqdm(unit=unit, desc=description, leave=False, delay=1.0) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield progress
 
 
 def require(package: str) -> None:

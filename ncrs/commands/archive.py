@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import pickle
+from collections.abc import Sequence
 from pathlib import Path
 
 from ncrs.commands import add_output_argument, add_seed_argument, output_folder, print_saved
@@ -11,14 +11,13 @@ from ncrs.engines.base import AUTO_ENGINE, ENGINES, make_engine
 from ncrs.engines.evaluate import EPISODES
 from ncrs.evolution.archive import PAPER_TRIPLES, STANDING_STILL_MARGIN, SUCCESS_FRACTION
 from ncrs.evolution.reestimation import reestimate
-from ncrs.runs.checkpoint import write_atomically
 from ncrs.runs.elites import EliteArchive, load_archive
-from ncrs.runs.exports import to_pyribs, write_csv
+from ncrs.runs.exports import MEASURES, ExportError, write_csv, write_pyribs
 from ncrs.runs.seeds import Stream, seed_row, seed_sequence
 
 REESTIMATED_FILE = "archive_reestimated.npz"
 CSV_FILE = "archive.csv"
-PYRIBS_FILE = "archive_pyribs.pkl"
+PYRIBS_FILE = "archive_pyribs.pkl.gz"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,10 +42,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("csv", "pyribs"),
         help=f"write {CSV_FILE}, or {PYRIBS_FILE}: a pickled ribs.archives.GridArchive",
     )
+    parser.add_argument(
+        "--axes",
+        nargs="+",
+        choices=MEASURES,
+        help="measures that span the grid of the export to pyribs, such as sensors cells for a "
+        "heatmap; default: all three",
+    )
     parser.set_defaults(action=_run)
 
 
 def _run(options: argparse.Namespace) -> None:
+    if options.axes is not None and options.export != "pyribs":
+        raise ExportError("--axes choose the grid of --export pyribs; give both, or neither.")
     elites = load_archive(options.run)
     print(f"{elites.task.name}, archive of {options.run}:")
     print("\n".join("  " + line for line in archive_lines(elites)))
@@ -63,9 +71,16 @@ def _run(options: argparse.Namespace) -> None:
         write_csv(elites, folder / CSV_FILE)
         print_saved([folder / CSV_FILE])
     elif options.export == "pyribs":
-        other = to_pyribs(elites.archive)
-        write_atomically(folder / PYRIBS_FILE, lambda stream: pickle.dump(other, stream))
-        print_saved([folder / PYRIBS_FILE])
+        axes = options.axes or MEASURES
+        path = folder / pyribs_file(axes)
+        write_pyribs(elites.archive, path, axes)
+        print_saved([path])
+
+
+def pyribs_file(axes: Sequence[str]) -> str:
+    """Return the name of the export to pyribs; the axes are part of it unless they are all."""
+    name, suffix = PYRIBS_FILE.split(".", 1)
+    return PYRIBS_FILE if tuple(axes) == MEASURES else f"{name}_{'_'.join(axes)}.{suffix}"
 
 
 def reestimated(elites: EliteArchive, engine: str, seed: int, episodes: int) -> EliteArchive:

@@ -10,6 +10,7 @@ from ncrs.commands import (
     add_seed_argument,
     output_folder,
     print_saved,
+    progress_bar,
     require,
 )
 from ncrs.viz.options import AXES, FigureOptions
@@ -46,4 +47,6 @@ def _run(options: argparse.Namespace) -> None:
 
     folder = output_folder(options, options.runs[0]) if options.output else options.runs[0] / FOLDER
     chosen = FigureOptions(options.axis, options.episodes, options.seed)
-    print_saved(save_figures(options.runs, folder, chosen))
+    with progress_bar("Drawing", "figure") as progress:
+        paths = save_figures(options.runs, folder, chosen, progress)
+    print_saved(paths)

@@ -12,6 +12,7 @@ from ncrs.commands import (
     given_robot,
     output_folder,
     print_saved,
+    progress_bar,
 )
 from ncrs.viz.options import FilmOptions
 
@@ -54,5 +55,6 @@ def _run(options: argparse.Namespace) -> None:
     robot = given_robot(options)
     folder = output_folder(options, options.robot)
     paths = [folder / f"{options.name}.{kind}" for kind in dict.fromkeys(options.format)]
-    save_film(robot, paths, film)
+    with progress_bar("Filming", "frame") as progress:
+        save_film(robot, paths, film, progress)
     print_saved(paths)

@@ -10,7 +10,7 @@ from ncrs.commands import add_robot_arguments, add_seed_argument, given_robot
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_robot_arguments(parser, nargs="?")
-    parser.add_argument("--body", help="body that you start with, as rows: L#L/W#W/W#W")
+    parser.add_argument("--body", help="body that you start with, rows joined by /: L#L/W#W/W#W")
     add_seed_argument(parser)
     parser.add_argument(
         "--endless", action="store_true", help="keep driving after the task's 100 steps"
@@ -34,7 +34,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.body is None:
         body = default_body(task.task, task.grid_size)
     else:
-        body = parse_body(options.body.split("/"), task.grid_size)
+        body = parse_body(options.body, task.grid_size)
     session = PlaySession(task, body, rival, seed=options.seed, endless=options.endless)
     with PlayWindow(session, "evolved" if rival is None else rival.title) as window:
         window.run()

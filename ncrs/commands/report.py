@@ -10,6 +10,7 @@ from ncrs.commands import (
     add_seed_argument,
     given_robot,
     output_folder,
+    progress_bar,
 )
 from ncrs.report import (
     REPORT_FOLDER,
@@ -46,20 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from tqdm import tqdm
-
     chosen = ReportOptions(options.episodes, options.elites, options.seed)
     if options.measures is not None or not options.robot.is_dir():
         robot = given_robot(options)
         folder = options.output or output_folder(options, options.robot) / REPORT_FOLDER
         _print_saved(build_robot_report(robot, folder, chosen))
         return
-    with tqdm(unit="robot", desc="Recording", leave=False, delay=1.0) as bar:
-
-        def progress(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
+    with progress_bar("Recording", "robot") as progress:
         report = build_report(options.robot, options.output, chosen, progress=progress)
     _print_saved(report)
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import logging
-import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +32,7 @@ from ncrs_envs.batched.layout import Scenarios
 from ncrs_envs.batched.records import scenario_records, settings_record
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
-_LOGGER = logging.getLogger(__name__)
 _POLL_S = 0.05
-_NOTICE_S = 3.0
-"""Loading compiled kernels takes less time, compiling them more."""
 _GROWTH_CHUNK = 16
 """Genomes per job; growing a single one takes less time than handing it to a thread."""
 
@@ -86,9 +80,8 @@ class BatchedEngine(Engine):
             workspace = make_workspace(n, episodes)
             roll_out_population(rollout, workspace, chosen, outcomes, None)
 
-        with _compilation_notice():
-            for kernel in (grow, roll_out):
-                kernel(np.arange(0))  # no genomes: compiles, or loads from disk
+        for kernel in (grow, roll_out):
+            kernel(np.arange(0))  # no genomes: compiles, or loads from disk
         self._spread(grow, np.arange(population), _GROWTH_CHUNK, should_stop)
         for genome in np.flatnonzero(~grown.finite):
             warnings.warn(
@@ -122,21 +115,6 @@ class BatchedEngine(Engine):
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
-
-
-@contextmanager
-def _compilation_notice() -> Iterator[None]:
-    """Log that kernels are being compiled if the body takes longer than loading them."""
-    notice = threading.Timer(
-        _NOTICE_S,
-        _LOGGER.warning,
-        ("Compiling the batched engine; this takes under a minute and is cached on disk.",),
-    )
-    notice.start()
-    try:
-        yield
-    finally:
-        notice.cancel()
 
 
 def _scenario_table(rows: ScenarioRows, grid_size: int) -> Scenarios:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ncrs.automaton.channels import STATE_LIMIT, nca_layout
+from ncrs.automaton.channels import nca_layout
 from ncrs.report.curves import Curve
 from ncrs.report.robots import Robots
 from ncrs.runs.settings import TrainConfig
@@ -150,7 +150,6 @@ def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, An
         "dt": DT,
         "steps": MAX_EPISODE_STEPS,
         "channels": nca_layout(task).channel_names,
-        "stateLimit": STATE_LIMIT,
         "cells": {
             character: {
                 "code": int(cell),
@@ -162,6 +161,7 @@ def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, An
         },
         "palette": {name: f"rgb{color}" for name, color in _COLORS.items()},
         "scales": {"amount": canvas.AMOUNTS, "signed": canvas.SIGNED},
+        "signedLimit": canvas.SIGNED_LIMIT,
         "scenarios": [_placements(scenario, settings.grid_size) for scenario in scenarios],
     }
 

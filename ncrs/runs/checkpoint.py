@@ -41,6 +41,10 @@ class DamagedCheckpointError(CheckpointError):
     """A file whose contents are not those that were written."""
 
 
+class ForeignFileError(DamagedCheckpointError):
+    """A file of arrays that is whole, but that ``write_state`` did not write."""
+
+
 class CheckpointWarning(UserWarning):
     """A damaged checkpoint was skipped for the one before it."""
 
@@ -122,6 +126,7 @@ def read_state(path: Path) -> dict[str, Any]:
     Raises:
         CheckpointError: If the file cannot be read.
         DamagedCheckpointError: If it is truncated, altered, or something else.
+        ForeignFileError: If it holds nothing but arrays, as numpy saves them.
     """
     try:
         content = io.BytesIO(path.read_bytes())
@@ -136,8 +141,12 @@ def read_state(path: Path) -> dict[str, Any]:
         content.seek(0)
         with np.load(content, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
+        if _JSON_MEMBER not in arrays:
+            raise ForeignFileError(
+                f"{path} holds the arrays {sorted(arrays)}, and no checkpoint, champion or archive."
+            )
         state: dict[str, Any] = _put_arrays(json.loads(arrays[_JSON_MEMBER].tobytes()), arrays)
-    except MemoryError:
+    except (MemoryError, ForeignFileError):
         raise
     except Exception as error:  # from altered bytes zipfile and numpy raise nearly anything
         raise DamagedCheckpointError(f"{path} is not a whole checkpoint: {error}.") from error

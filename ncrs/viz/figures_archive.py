@@ -28,16 +28,27 @@ _COLUMNS = 6
 _BINS = 30
 
 
-def archive_plot(elites: EliteArchive, name: str) -> Plot:
+def fitness_range(archives: Sequence[EliteArchive]) -> tuple[float, float]:
+    """Return the lowest and the highest fitness of the elites of all archives."""
+    fitness = np.concatenate([elites.archive.column("fitness") for elites in archives])
+    return float(fitness.min()), float(fitness.max())
+
+
+def archive_plot(elites: EliteArchive, name: str, limits: tuple[float, float]) -> Plot:
     """Plot an archive's fitness: a panel per number of cells, sensors across and wheels up.
 
     Gray cells are possible and empty.
+
+    Args:
+        elites: Archive with at least one elite.
+        name: Name of the figure's files.
+        limits: Fitness at the lower and at the upper end of the colour scale.
     """
     archive = elites.archive
     measures, fitness = archive.measures, archive.column("fitness")
     grid = archive_grid(measures, fitness, archive.space.triples)
     colors = colormap(AMOUNTS)
-    norm = Normalize(float(fitness.min()), float(fitness.max()))
+    norm = Normalize(*limits)
     rows = math.ceil(len(grid.cells) / _COLUMNS)
     figure = Figure(figsize=(WIDTH, WIDTH / _COLUMNS * rows * 1.05))
     panels = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False)

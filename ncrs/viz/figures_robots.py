@@ -17,7 +17,7 @@ from ncrs.viz.body_patches import add_body, add_silhouette, cell_legend
 from ncrs.viz.recording import Recording, record_episodes
 from ncrs.viz.style import COLORS, COLUMN, WIDTH, Plot, colormap, recipe_name
 from ncrs_envs.body import body_to_characters
-from ncrs_envs.canvas import SIGNED
+from ncrs_envs.canvas import SIGNED, SIGNED_LIMIT
 from ncrs_envs.physics import TARGET_SIDE
 from ncrs_envs.scenario import WALL_EXTENT
 from ncrs_envs.tasks import REGIONS, get_task
@@ -74,7 +74,6 @@ def channels_plot(robot: EvolvedRobot, name: str, seed: int) -> Plot:
     states = np.stack([growth.states[0], growth.states[-1], control])
     colors = colormap(SIGNED)
     names = robot.nca.layout.channel_names
-    limit = max(1.0, float(np.abs(states).max()))
     figure = Figure(figsize=(WIDTH, 2.0))
     panels = figure.subplots(len(_MOMENTS), len(names) + 1)
     bodies = (growth.bodies[0], growth.bodies[-1], robot.body)
@@ -84,13 +83,13 @@ def channels_plot(robot: EvolvedRobot, name: str, seed: int) -> Plot:
         for channel, channel_name in enumerate(names):
             panel = panels[moment, channel + 1]
             values = states[moment, :, :, channel]
-            image = panel.imshow(values, cmap=colors, vmin=-limit, vmax=limit)
+            image = panel.imshow(values, cmap=colors, vmin=-SIGNED_LIMIT, vmax=SIGNED_LIMIT)
             panel.set(xticks=[], yticks=[])
             panel.spines[:].set(visible=True, color="#909090")
             if moment == 0:
                 panel.set_title(channel_name.replace(" ", "\n").replace("/", "/\n"), fontsize=6)
     panels[0, 0].set_title("robot", fontsize=6)
-    bar = figure.colorbar(image, ax=panels, shrink=0.8, aspect=30, pad=0.01)
+    bar = figure.colorbar(image, ax=panels, shrink=0.8, aspect=30, pad=0.01, extend="both")
     bar.ax.tick_params(labelsize=6)
     rows = [
         [_MOMENTS[moment], names[channel], row, column, value]

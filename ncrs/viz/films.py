@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.automaton.channels import growth_steps
 from ncrs.runs.robot import EvolvedRobot
 from ncrs.viz.film_files import FilmWriter, open_writers
 from ncrs.viz.options import FilmOptions
 from ncrs.viz.recording import Recording, record_episodes
 from ncrs.viz.stills import Lettering, Picture, ground, ramp, write
 from ncrs_envs.body import sensor_mask, wheel_mask
-from ncrs_envs.canvas import BORDER, SIGNED, TISSUE
+from ncrs_envs.canvas import BORDER, SIGNED, SIGNED_LIMIT, TISSUE
 from ncrs_envs.physics import DT
 from ncrs_envs.rendering import draw_body, draw_scene
+from ncrs_envs.tasks import MAX_EPISODE_STEPS
 
 FPS = 25
 _GROWTH_SECONDS = 0.4
 """Time for which each step of growth is shown."""
 _PAUSE_SECONDS = 1.0
 _CHANNEL_COLUMNS = 5
-_CHANNEL_LIMIT = 2.0
-"""Magnitude of a channel's values above which colours no longer change; few exceed it."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def _panel(
     panel[top : top + channels.shape[0], margin : margin + channels.shape[1]] = channels
     panel = write(panel, (margin, margin), lines[0], Lettering(size.text))
     panel = write(panel, (margin, 2.6 * margin), "\n".join(lines[1:]), Lettering(size.text, TISSUE))
-    caption = f"{state.shape[-1]} channels of the NCA, -2 to 2"
+    caption = f"{state.shape[-1]} channels of the NCA, {-SIGNED_LIMIT:g} to {SIGNED_LIMIT:g}"
     small = Lettering(size.text * 4 // 5, TISSUE, "ls")
     return write(panel, (margin, top - 0.5 * margin), caption, small)
 
@@ -131,7 +131,7 @@ def channel_picture(state: NDArray[np.float32], width: int) -> Picture:
     picture = ground(rows * side - gap, _CHANNEL_COLUMNS * side - gap)
     for channel in range(channels):
         row, column = divmod(channel, _CHANNEL_COLUMNS)
-        colors = ramp(state[..., channel], -_CHANNEL_LIMIT, _CHANNEL_LIMIT, SIGNED)
+        colors = ramp(state[..., channel], -SIGNED_LIMIT, SIGNED_LIMIT, SIGNED)
         cells = colors.repeat(pixels, axis=0).repeat(pixels, axis=1)
         top, left = row * side, column * side
         picture[top : top + cells.shape[0], left : left + cells.shape[1]] = cells
@@ -152,13 +152,25 @@ def timed_frames(robot: EvolvedRobot, options: FilmOptions) -> Iterator[tuple[Pi
         yield frame, _PAUSE_SECONDS
 
 
-def save_film(robot: EvolvedRobot, paths: list[Path], options: FilmOptions | None = None) -> None:
+def frame_count(robot: EvolvedRobot, options: FilmOptions) -> int:
+    """Count what ``timed_frames`` yields: states of growth and of episodes, and their pauses."""
+    growth = growth_steps(robot.task.grid_size) + 2
+    return growth + options.episodes * (MAX_EPISODE_STEPS + 2)
+
+
+def save_film(
+    robot: EvolvedRobot,
+    paths: list[Path],
+    options: FilmOptions | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
     """Write one film as MP4, GIF, or both; the robot's title is on every frame.
 
     Args:
         robot: Robot to film.
         paths: Files to write, ``.mp4`` or ``.gif``.
         options: Episodes, speed and size; None for the defaults.
+        progress: Function to call with the number of frames drawn, and the number of all.
 
     Raises:
         VizError: If a suffix is unknown, or there is no video encoder.
@@ -170,13 +182,16 @@ def save_film(robot: EvolvedRobot, paths: list[Path], options: FilmOptions | Non
     time = 0.0
     written = 0
     done = False
+    total = frame_count(robot, options)
     try:
-        for frame, seconds in timed_frames(robot, options):
+        for drawn, (frame, seconds) in enumerate(timed_frames(robot, options), start=1):
             time += seconds
             copies = max(0, round(time * FPS) - written)
             written += copies
             for writer in writers:
                 writer.add(frame, copies)
+            if progress is not None:
+                progress(drawn, total)
         done = True
     finally:
         for writer in writers:

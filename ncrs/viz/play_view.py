@@ -26,7 +26,7 @@ _BARS = 110
 _KEYS = (
     "arrows or WASD   drive",
     "R   restart      N   next scenario",
-    "1-5 or a click   choose a cell",
+    "0-4 or a click   choose a cell",
     "left button   put it into the body",
     "right button   remove a cell",
     "+ and -   speed      Esc   quit",
@@ -134,7 +134,7 @@ def _help(width: int, *more: str) -> Picture:
 
 @lru_cache(maxsize=16)
 def _palette(task: Task, cells: tuple[Cell, ...], chosen: Cell) -> Picture:
-    """Draw the cells to choose from, with room for a frame of 3 pixels around each."""
+    """Draw the cells to choose from with their codes, each with room for a frame of 3 pixels."""
     step = _PALETTE + _BETWEEN
     picture = ground(len(cells) * step, 5 * _PALETTE + 6)
     for index, cell in enumerate(cells):
@@ -143,7 +143,7 @@ def _palette(task: Task, cells: tuple[Cell, ...], chosen: Cell) -> Picture:
             picture[top - 3 : top + _PALETTE + 3] = SENSOR_BASE
         _put(picture, _sample(cell), 3, top)
         at = (_PALETTE + 11, top + _PALETTE / 2)
-        label = f"{index + 1}  {task.cell_label(cell)}"
+        label = f"{int(cell)}  {task.cell_label(cell)}"
         picture = write(picture, at, label, Lettering(_TEXT, anchor="lm"))
     return picture
 

@@ -130,8 +130,9 @@ class PlayWindow:
             self.speed = SPEEDS[min(SPEEDS.index(self.speed) + 1, len(SPEEDS) - 1)]
         elif key in (pygame.K_MINUS, pygame.K_KP_MINUS):
             self.speed = SPEEDS[max(SPEEDS.index(self.speed) - 1, 0)]
-        elif pygame.K_1 <= key < pygame.K_1 + len(session.cells):
-            self.chosen = session.cells[key - pygame.K_1]
+        else:
+            codes = {pygame.K_0 + int(cell): cell for cell in session.cells}
+            self.chosen = codes.get(key, self.chosen)
 
     def _click(self, position: tuple[int, int], button: int) -> None:
         cell = self._layout.palette_at(*position)

@@ -8,11 +8,15 @@ Compiled kernels are cached on disk. numba's own cache checks only the file that
 and would keep old code in use after a kernel or a constant in another file has changed. Here a
 cached kernel is valid only for the sources, of all first-party modules behind it, that it was
 compiled from.
+
+A process that has to compile says so once, since it then seems to hang for most of a minute.
 """
 
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
+import os
 import re
 import sys
 from collections.abc import Callable
@@ -24,6 +28,10 @@ from numba.core.caching import FunctionCache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+QUIET_VARIABLE = "NCRS_QUIET"
+"""Environment variable that hides the notice, unless it is empty or 0."""
+_MAIN_PROCESS = "MainProcess"
+"""Name that ``multiprocessing`` gives to a process that is nobody's worker."""
 _FIRST_PARTY_IMPORT = re.compile(r"^from (ncrs\w*[\w.]*) import", re.MULTILINE)
 
 
@@ -43,12 +51,46 @@ def source_digest(module: str) -> str:
     return digest.hexdigest()
 
 
+class _Notice:
+    """The line that a process prints before it compiles its first kernel."""
+
+    def __init__(self) -> None:
+        self._is_due = True
+
+    def give(self) -> None:
+        """Print the line, unless this was done, is unwanted, or the process is a worker."""
+        if not self._is_due:
+            return
+        self._is_due = False
+        is_unwanted = os.environ.get(QUIET_VARIABLE, "") not in ("", "0")
+        is_worker = multiprocessing.current_process().name != _MAIN_PROCESS
+        if is_unwanted or is_worker or sys.stderr is None:
+            return
+        from tqdm import tqdm  # its own print leaves progress bars whole
+
+        tqdm.write(
+            "ncrs: compiling the simulator for this computer, once; it takes up to a minute "
+            f"({QUIET_VARIABLE}=1 hides this line)",
+            file=sys.stderr,
+        )
+
+
+_NOTICE = _Notice()
+
+
 class _SourceKeyedCache(FunctionCache):  # type: ignore[misc] # numba has no types
     """numba's disk cache, whose entries are valid for one state of the sources only."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         self._digest = source_digest(function.__module__)
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """Load a kernel from the disk; without one numba compiles it next, so say so."""
+        found = super().load_overload(signature, target_context)
+        if found is None:
+            _NOTICE.give()
+        return found
 
     def _index_key(self, signature: Any, codegen: Any) -> Any:
         return (*super()._index_key(signature, codegen), self._digest)

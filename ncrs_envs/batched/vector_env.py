@@ -20,6 +20,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.episode_batch import EpisodeBatch
+from ncrs_envs.batched.pictures import Pictures, check_render_envs, frame_size
 from ncrs_envs.batched.scenario_table import Indices
 from ncrs_envs.batched.vector_options import (
     batch_info,
@@ -28,7 +29,6 @@ from ncrs_envs.batched.vector_options import (
     check_count,
     check_mask,
     check_regions,
-    check_render_envs,
     check_scenarios,
     check_seeds,
     check_step_limit,
@@ -38,7 +38,7 @@ from ncrs_envs.batched.vector_options import (
 from ncrs_envs.body import BodyGrid, sensor_mask, wheel_mask
 from ncrs_envs.interface import OptionError, check_action, check_flag, check_options
 from ncrs_envs.physics import DT
-from ncrs_envs.rendering import DEFAULT_RENDER_SIZE, Scene, check_render_size, draw_scene
+from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Scenario, wall_quads
 from ncrs_envs.tasks import (
     CARRY_BALL,
@@ -69,10 +69,13 @@ class RobotVectorEnv(_BaseEnv):
         distance_score: Kind of distance score, "exponential" or "inverse_square".
         success_radius: Success radius in units; by default the task's own.
         terminate_on_success: True to end an episode when it succeeds.
-        render_size: Side of a frame in pixels.
+        render_size: Side of a frame in pixels. A frame takes ``3 * render_size**2`` bytes, 0.8 MB
+            at 512, so the default shrinks as environments become more: 512 for up to 16, 256 for
+            64, and 64 (12 kB) for 1,024 or more.
         autoreset_mode: Gymnasium's ``AutoresetMode`` for environments whose episode has ended:
             "NextStep" (the default), "SameStep" or "Disabled".
-        render_envs: Indices of the environments that ``render`` draws; by default the first four.
+        render_envs: Indices of the environments that ``render`` draws, by default all; frames of
+            the others are black and cost nothing to draw.
         threads: Maximum number of threads; by default one for each core; results are the same.
 
     Raises:
@@ -99,7 +102,7 @@ class RobotVectorEnv(_BaseEnv):
         distance_score: str = "exponential",
         success_radius: float | None = None,
         terminate_on_success: bool = False,
-        render_size: int = DEFAULT_RENDER_SIZE,
+        render_size: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_envs: Sequence[int] | None = None,
         threads: int | None = None,
@@ -112,12 +115,12 @@ class RobotVectorEnv(_BaseEnv):
         self.settings = TaskSettings(self.task.name, grid_size, distance_score, success_radius)
         n = self.settings.grid_size
         self.render_mode = render_mode
-        self.render_size = check_render_size(render_size)
+        self.render_size = frame_size(render_size, self.num_envs)
         self.terminate_on_success = check_flag(terminate_on_success, "terminate_on_success")
         self.autoreset_mode = check_autoreset_mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self._step_limit = check_step_limit(max_episode_steps)
-        self._render_envs = check_render_envs(render_envs, self.num_envs)
+        self.render_envs = check_render_envs(render_envs, self.num_envs)
         self.single_observation_space = gymnasium.spaces.Box(0.0, 1.0, (n, n), np.float32)
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (n, n), np.float32)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -137,7 +140,8 @@ class RobotVectorEnv(_BaseEnv):
         self._is_done = np.zeros(self.num_envs, dtype=np.bool_)
         self._is_started = np.zeros(self.num_envs, dtype=np.bool_)
         self._actions = np.zeros((self.num_envs, n, n), dtype=np.float32)
-        self._paths: dict[int, list[tuple[float, float]]] = {i: [] for i in self._render_envs}
+        drawn = () if render_mode is None else self.render_envs
+        self._pictures = Pictures(drawn, self.num_envs, self.render_size)
 
     _spec: EnvSpec | None = None
 
@@ -237,9 +241,7 @@ class RobotVectorEnv(_BaseEnv):
 
     def _start(self, envs: Indices) -> None:
         self._batch.start(envs)
-        for env in self._paths:
-            if env in envs:
-                self._paths[env] = [self._batch.scenarios.start(env)]
+        self._pictures.start(envs.tolist(), self._batch.scenarios.start)
         self._steps[envs] = 0
         self._is_done[envs] = False
         self._is_started[envs] = True
@@ -278,13 +280,15 @@ class RobotVectorEnv(_BaseEnv):
         n = self.settings.grid_size
         self._actions = check_action(actions, (self.num_envs, n, n), "one gas value per cell")
         flat = self._actions.reshape(self.num_envs, n * n)
-        rewards = self._batch.step(flat, ~was_done)
+        is_running = ~was_done
+        rewards = self._batch.step(flat, is_running)
         self._steps += 1
         if was_done.any():
             envs = np.flatnonzero(was_done)
             self._draw(envs.tolist())
             self._start(envs)
-        self._extend_paths(~was_done)
+        if self.render_mode is not None:
+            self._pictures.extend(self._batch.poses, is_running)
         terminated = np.zeros(self.num_envs, dtype=np.bool_)
         if self.terminate_on_success:
             terminated = self._batch.success
@@ -293,14 +297,6 @@ class RobotVectorEnv(_BaseEnv):
         info = self._finish() if self.autoreset_mode is AutoresetMode.SAME_STEP else {}
         info.update(self._info(check_mask(None, self.num_envs)))
         return self._observations(), rewards, terminated, truncated, info
-
-    def _extend_paths(self, has_moved: NDArray[np.bool_]) -> None:
-        if self.render_mode is None:
-            return
-        poses = self._batch.poses
-        for env, path in self._paths.items():
-            if has_moved[env]:
-                path.append((float(poses[env, 0]), float(poses[env, 1])))
 
     def _finish(self) -> dict[str, Any]:
         """Reset environments whose episode has just ended; return their last info."""
@@ -336,18 +332,20 @@ class RobotVectorEnv(_BaseEnv):
         return batch_info(values, mask)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Return RGB frames of the environments in ``render_envs``; None without a render mode.
+        """Return an RGB frame for each environment; None without a render mode.
+
+        Those not in ``render_envs`` are black, since Gymnasium's wrappers expect one for each.
 
         Raises:
-            ResetNeeded: One of them has no episode.
+            ResetNeeded: An environment in ``render_envs`` has no episode.
         """
         if self.render_mode is None:
             gymnasium.logger.warn("render() needs an environment with render_mode='rgb_array'.")
             return None
-        return tuple(draw_scene(self.scene(env), self.render_size) for env in self._render_envs)
+        return self._pictures.frames(self.scene)
 
     def scene(self, env: int) -> Scene:
-        """Return the scene of one environment; its path is known for ``render_envs`` only.
+        """Return the scene of one environment; its path is known if it is drawn.
 
         Raises:
             ResetNeeded: The environment has no episode.
@@ -361,13 +359,13 @@ class RobotVectorEnv(_BaseEnv):
             extent=playfield(self.settings.grid_size),
             body=body,
             pose=(x, y, angle),
-            sensor_values=self._observations()[env],
+            sensor_values=self._batch.observations[env].reshape(body.shape).copy(),
             action=self._actions[env].copy(),
             light=scenario.light,
             ball=self._batch.ball(env) if self.task.has_ball else None,
             target=scenario.target,
             wall_quads=wall_quads(scenario, self.settings.grid_size),
-            path=np.array(self._paths.get(env) or [(x, y)]),
+            path=np.array(self._pictures.path(env) or [(x, y)]),
             success=bool(self._batch.success[env]),
             success_radius=self.settings.radius,
         )

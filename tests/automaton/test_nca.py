@@ -34,7 +34,13 @@ def test_a_genome_can_be_a_tensor_or_a_list():
     assert nca.set_genome([2.0] * 4572).genome().sum() == 2 * 4572.0
 
 
-@pytest.mark.parametrize("genome", [np.zeros(10), np.zeros((1, 4572)), np.full(4572, np.inf), 3.0])
+@pytest.mark.parametrize(
+    "genome",
+    [
+        np.zeros(10), np.zeros((1, 4572)), np.full(4572, np.inf), 3.0, "genome.npy",
+        [[1.0, 2.0], [3.0]],
+    ],
+)  # fmt: skip
 def test_a_bad_genome_is_refused_and_the_weights_stay(genome):
     nca = NCA()
     before = nca.genome()

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import time
-
 import numpy as np
 import pytest
 
@@ -76,15 +73,3 @@ def test_an_interrupt_takes_effect_before_the_last_genome(settings, full_genome,
     with BatchedEngine(settings, 1) as engine, pytest.raises(EvaluationInterrupted):
         engine.evaluate(np.stack([full_genome] * 300), scenarios, lambda: len(rolled_out) > 2)
     assert 2 < len(rolled_out) < 150
-
-
-def test_compilation_is_announced_when_it_takes_long_and_only_then(monkeypatch, caplog):
-    monkeypatch.setattr(batched, "_NOTICE_S", 0.01)
-    with caplog.at_level(logging.WARNING), batched._compilation_notice():
-        time.sleep(0.2)
-    assert "Compiling" in caplog.text
-    caplog.clear()
-    monkeypatch.setattr(batched, "_NOTICE_S", 60.0)
-    with caplog.at_level(logging.WARNING), batched._compilation_notice():
-        pass
-    assert caplog.text == ""

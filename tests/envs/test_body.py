@@ -22,9 +22,28 @@ CODES = [[2, 1, 3], [4, 0, 4], [1, 1, 1]]
 
 @pytest.mark.parametrize(
     "body",
-    [ROWS, tuple(ROWS), "\n".join(ROWS), CODES, np.array(CODES), np.array(CODES, dtype=np.uint8)],
-    ids=["rows", "tuple", "text", "lists", "int64", "uint8"],
-)
+    [
+        ROWS,
+        tuple(ROWS),
+        np.array(ROWS),
+        [" ".join(row) for row in ROWS],
+        "\n".join(ROWS),
+        " ".join(ROWS),
+        "/".join(ROWS),
+        "\\n".join(ROWS),
+        "\r\n".join(ROWS) + "\r\n",
+        "\n".join("  " + " ".join(row) for row in ROWS) + "\n",
+        " / ".join(" ".join(row) for row in ROWS),
+        np.array("/".join(ROWS)),
+        CODES,
+        np.array(CODES),
+        np.array(CODES, dtype=np.uint8),
+    ],
+    ids=[
+        "rows", "tuple", "array of rows", "spaced rows", "text", "words", "slashes", "as in JSON",
+        "CRLF", "spaced text", "spaced slashes", "array of text", "lists", "int64", "uint8",
+    ],
+)  # fmt: skip
 def test_every_notation_gives_the_same_read_only_grid(body):
     grid = parse_body(body)
     assert grid.dtype == np.int8
@@ -59,7 +78,14 @@ def test_characters_are_the_inverse_of_parsing(rng):
         (np.full((5, 5), 5), r"unknown cell codes \[5\]"),
         (np.full((5, 5), -1), r"unknown cell codes \[-1\]"),
         ([[0, 1, 2], [0, 1], [0]], "rows differ in length"),
-        (["...", "..", "..."], "rows differ in length"),
+        (["...", "..", "..."], r"rows differ in length: \[3, 2, 3\].*empty cell as '\.'"),
+        ("L L/W W/W W", "must be a square grid.*got 3 x 2"),
+        ("L#L/W W/W#W", r"rows differ in length: \[3, 2, 3\]"),
+        ("L # L", "got 3 x 1"),
+        ("", "got an empty string"),
+        (" \n / ", "got an empty string"),
+        ([["L", "#"], ["W", "#"]], "rows of characters"),
+        ([np.zeros((3, 3), dtype=int), np.zeros((2, 2), dtype=int)], "rows differ in length"),
         (["..x", "...", "..."], "unknown characters.*x"),
         (None, "dtype object"),
         ([], "dtype float64"),

@@ -9,27 +9,10 @@ import pytest
 
 from ncrs.report import ReportOptions, build_report
 from ncrs.runs.elites import load_archive
-from tests.report.browser import CHROMIUM, DRIVER, Page, start_chromium
+from tests.report.browser import Page
 
 from selenium.webdriver.common.keys import Keys  # isort: skip
 from selenium.webdriver.support.select import Select  # isort: skip
-
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None or DRIVER is None,
-    reason="Chromium or its driver is not installed (Debian: chromium chromium-driver)",
-)
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory):
-    driver = start_chromium(tmp_path_factory.mktemp("chromium"))
-    yield driver
-    driver.quit()
-
-
-@pytest.fixture
-def page(chromium, report):
-    return Page(chromium, report.page.resolve())
 
 
 @pytest.fixture(scope="module")

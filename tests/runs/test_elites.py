@@ -9,12 +9,11 @@ import pytest
 import ncrs
 from ncrs.cli import main
 from ncrs.engines.base import make_engine
-from ncrs.evolution.archive import MeasureSpace
 from ncrs.evolution.reestimation import reestimate
 from ncrs.evolution.standstill import standing_still_fitness
 from ncrs.runs.checkpoint import CheckpointError, write_state
 from ncrs.runs.elites import EliteArchive, EliteError, load_archive, make_archive, measure_space
-from ncrs.runs.exports import to_pyribs, write_csv
+from ncrs.runs.exports import write_csv
 from ncrs.runs.seeds import Stream, seed_row, seed_sequence
 from ncrs.runs.settings import ConfigError
 from ncrs_envs.scenario import Scenario, sample_scenarios
@@ -195,31 +194,6 @@ def test_csv(found, tmp_path):
         assert len(row["body"].split("/")) == 5
 
 
-def test_pyribs_gets_the_same_elites(found):
-    pytest.importorskip("ribs")
-    archive = found[0].archive
-    other = to_pyribs(archive)
-    assert len(other) == len(archive)
-    data = other.data()
-    order = np.lexsort(data["measures"].T[::-1])
-    np.testing.assert_array_equal(data["measures"][order], archive.measures)
-    np.testing.assert_array_equal(data["solution"][order], archive.column("genomes"))
-    np.testing.assert_array_equal(data["objective"][order], archive.column("fitness"))
-    np.testing.assert_array_equal(data["body"][order], archive.column("bodies"))
-    np.testing.assert_array_equal(data["evaluation_seed"][order], archive.column("seeds"))
-
-
-def test_pyribs_has_room_for_every_triple():
-    pytest.importorskip("ribs")
-    from ncrs.evolution.archive import Archive
-
-    space = MeasureSpace(1, 2, 9)
-    archive = Archive(space, 2, grid_size=3)
-    count = len(space.triples)
-    archive.add(np.zeros((count, 2)), np.ones(count), space.triples, np.zeros((count, 3, 3)))
-    assert len(to_pyribs(archive)) == count == 84
-
-
 def test_the_archive_command(found, saved, capsys):
     folder = saved.parent
     main(["archive", str(folder), "--reestimate", "--episodes", "2", "--export", "csv"])
@@ -235,15 +209,6 @@ def test_the_archive_command(found, saved, capsys):
         load_archive(folder).archive.column("fitness"), found[0].archive.column("fitness")
     )
     assert (folder / "archive.csv").is_file()
-
-
-def test_the_archive_command_exports_to_pyribs(found, saved):
-    pytest.importorskip("ribs")
-    import pickle
-
-    main(["archive", str(saved), "--export", "pyribs"])
-    other = pickle.loads((saved.parent / "archive_pyribs.pkl").read_bytes())
-    assert len(other) == len(found[0].archive)
 
 
 def test_the_archive_command_on_nothing(tmp_path, capsys):

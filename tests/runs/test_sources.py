@@ -1,6 +1,10 @@
 """Robots from every source, and what is refused."""
 
 import dataclasses
+import json
+import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,12 +12,13 @@ import pytest
 import ncrs
 from ncrs.automaton.channels import GenomeError
 from ncrs.runs.champion import Champion
+from ncrs.runs.checkpoint import CheckpointError
 from ncrs.runs.elites import EliteArchive, make_archive
 from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.settings import ConfigError
 from ncrs.runs.sources import SourceError, load_robot
 from ncrs_envs.body import BodyError, body_measures
-from ncrs_envs.tasks import TaskSettings
+from ncrs_envs.tasks import TaskError, TaskSettings
 
 
 @pytest.fixture
@@ -35,7 +40,30 @@ def run_dir(champion, tmp_path):
     )
     EliteArchive(champion.task, archive, 12).save(tmp_path / "archive.npz")
     np.save(tmp_path / "genome.npy", champion.genome)
+    (tmp_path / "genome.json").write_text(json.dumps(record(champion)))
+    np.savez(tmp_path / "genome.npz", genome=champion.genome)
+    np.savetxt(tmp_path / "genome.csv", champion.genome)
+    (tmp_path / "evaluation.json").write_text('{"task": "light_chase", "fitness": 0.4}')
+    (tmp_path / "list.json").write_text("[1, 2]")
+    (tmp_path / "broken.json").write_text('{"task": "light')
+    (tmp_path / "broken.npz").write_bytes(b"PK")
     return tmp_path
+
+
+def record(robot, **changes):
+    """What a report's page saves as JSON."""
+    return {
+        "task": robot.task.name,
+        "grid_size": robot.task.grid_size,
+        "distance_score": robot.task.distance_score,
+        "success_radius": robot.task.radius,
+        "measures": robot.measures,
+        "fitness": robot.fitness,
+        "success": robot.success,
+        "generation": 7,
+        "genome": robot.genome.astype(float).tolist(),
+        **changes,
+    }
 
 
 def test_all_sources_give_the_same_kind_of_robot(champion, run_dir, monkeypatch):
@@ -45,6 +73,7 @@ def test_all_sources_give_the_same_kind_of_robot(champion, run_dir, monkeypatch)
         "champion of generation 7": load_robot(run_dir),
         f"elite with measures {measures}": load_robot(run_dir, measures=measures),
         "genome": load_robot("genome.npy", task="light_chase"),
+        "again": load_robot(Path("genome.json").rename("again.json")),
     }
     for title, robot in robots.items():
         assert isinstance(robot, EvolvedRobot)
@@ -55,7 +84,7 @@ def test_all_sources_give_the_same_kind_of_robot(champion, run_dir, monkeypatch)
         np.testing.assert_array_equal(robot.body, champion.body)
         np.testing.assert_array_equal(robot.growth().bodies[-1], champion.body)
     found = [robot.fitness for robot in robots.values()]
-    np.testing.assert_array_equal(found, [0.4, 0.3, np.nan])
+    np.testing.assert_array_equal(found, [0.4, 0.3, np.nan, 0.4])
     published = load_robot("light_chase/best")
     assert published.title == published.name == "light_chase/best"
     assert published.card["tests"]["box2d"]["success"]["fraction"] > 0.9
@@ -79,6 +108,17 @@ def test_a_path_comes_before_a_name(champion, run_dir, monkeypatch):
         ("genome.npy", {"measures": (1, 2, 3)}, SourceError, "is not a run or an archive"),
         ("genome.npy", {"task": "carry_ball"}, GenomeError, "4873 weights"),
         ("empty", {}, ConfigError, "holds no run"),
+        ("genome.csv", {}, SourceError, r"no file of a robot: give a genome as \.npy or .*\.json"),
+        ("genome.csv", {"task": "light_chase"}, SourceError, "no file of a robot"),
+        ("genome.npz", {}, SourceError, r"the arrays \['genome'\].*give a genome as \.npy"),
+        ("genome.json", {"task": "obstacle"}, SourceError, "has its own"),
+        ("genome.json", {"measures": (1, 2, 3)}, SourceError, "is not a run or an archive"),
+        ("evaluation.json", {}, SourceError, "lacks genome"),
+        ("list.json", {}, SourceError, "lacks genome and task"),
+        ("broken.json", {}, SourceError, "is not a JSON file"),
+        ("broken.npz", {}, CheckpointError, "not a whole checkpoint"),
+        ("archive.npz", {}, SourceError, "choose an elite by its measures"),
+        ("champion.npz", {"measures": (1, 2, 3)}, SourceError, "holds a champion alone"),
     ],
 )
 def test_what_holds_no_robot_is_refused(run_dir, monkeypatch, source, options, error, message):
@@ -86,6 +126,48 @@ def test_what_holds_no_robot_is_refused(run_dir, monkeypatch, source, options, e
     (run_dir / "empty").mkdir()
     with pytest.raises(error, match=message):
         load_robot(source, **options)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"task": "flying"}, TaskError, "Unknown task"),
+        ({"task": ["obstacle"]}, SourceError, "holds no robot"),
+        ({"task": "carry_ball"}, GenomeError, "4873 weights"),
+        ({"grid_size": 2}, BodyError, "grid_size must be at least 3"),
+        ({"fitness": "high"}, SourceError, "must be numbers, got 'high'"),
+        ({"genome": "0.1 0.2"}, GenomeError, "real numbers"),
+        ({"genome": [[0.1], [0.2, 0.3]]}, GenomeError, "array of numbers"),
+    ],
+)
+def test_a_record_that_is_no_robot_is_refused(champion, tmp_path, changes, error, message):
+    (tmp_path / "robot.json").write_text(json.dumps(record(champion, **changes)))
+    with pytest.raises(error, match=message):
+        load_robot(tmp_path / "robot.json")
+
+
+def test_a_record_brings_its_settings(champion, tmp_path):
+    path = tmp_path / "robot.json"
+    other = TaskSettings("obstacle", 5, "inverse_square", 12.5)
+    robot = dataclasses.replace(champion, task=other)
+    path.write_text(json.dumps(record(robot, fitness=None)))
+    loaded = load_robot(path)
+    assert loaded.task == other
+    assert math.isnan(loaded.fitness)
+    path.write_text(json.dumps({"task": "light_chase", "genome": record(champion)["genome"]}))
+    assert load_robot(path).task == TaskSettings()
+
+
+def test_the_reports_page_saves_that_record(champion):
+    page = Path(ncrs.__file__).parent / "report" / "page" / "robot.js"
+    written = re.search(r"JSON.stringify\(\{(.*?)\n    \}\)", page.read_text(), re.DOTALL)
+    names = re.findall(r"^\s+(\w+):", written[1], re.MULTILINE)
+    assert names == list(record(champion))
+
+
+def test_a_champion_may_have_any_name(champion, tmp_path):
+    champion.save(tmp_path / "best.v2")
+    assert load_robot(tmp_path / "best.v2").title == champion.title
 
 
 def test_a_robot_is_checked_where_it_is_made(champion):

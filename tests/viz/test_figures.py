@@ -13,8 +13,11 @@ from ncrs.runs.elites import load_archive
 from ncrs.runs.folders import find_runs, group_runs
 from ncrs.runs.metrics import read_metrics
 from ncrs.viz.errors import VizError
+from ncrs.viz.figures import _plots, save_figures
+from ncrs.viz.figures_archive import fitness_range
 from ncrs.viz.figures_curves import fitness_plot
 from ncrs.viz.options import FigureOptions
+from ncrs_envs.canvas import SIGNED_LIMIT
 
 
 def table(path):
@@ -84,6 +87,36 @@ def test_channels_and_positions(sweep, figures):
     positions = table(figures / "positions_light_chase_map_elites.csv")
     assert [row["episode"] for row in positions] == ["0", "1"]
     assert float(positions[0]["goal_x"]) == pytest.approx(-36.0, abs=3.0)
+
+
+def test_quantities_have_the_same_colours_in_all_figures(sweep):
+    every = _plots(group_runs(find_runs([sweep])), FigureOptions(episodes=1))
+    plots = [plot for plot in every if plot is not None]
+
+    def ranges(kind):
+        found = [plot.figure for plot in plots if plot.name.startswith(f"{kind}_light_chase")]
+        assert len(found) == 2
+        images = [image for figure in found for panel in figure.axes for image in panel.images]
+        # Empty cells have a colour of their own.
+        return {image.get_clim() for image in images if image.cmap.N > 1}
+
+    fullest = [max("01", key=lambda run: len(load_archive(sweep / run).archive)), "2"]
+    assert ranges("archive") == {fitness_range([load_archive(sweep / run) for run in fullest])}
+    assert ranges("channels") == {(-SIGNED_LIMIT, SIGNED_LIMIT)}
+
+
+def test_progress_counts_every_figure(sweep, tmp_path):
+    (tmp_path / "young").mkdir()
+    (tmp_path / "young" / "config.json").write_text((sweep / "2" / "config.json").read_text())
+    seen = []
+    with pytest.raises(VizError, match="Nothing to draw yet"):
+        save_figures([tmp_path / "young"], tmp_path, progress=lambda *counts: seen.append(counts))
+    assert seen == [(done, 6) for done in range(1, 7)]
+    seen.clear()
+    options = FigureOptions(episodes=1)
+    paths = save_figures([sweep / "2"], tmp_path, options, lambda *counts: seen.append(counts))
+    assert seen == [(done, 6) for done in range(1, 7)]
+    assert len(paths) == 3 * 6
 
 
 def test_figures_repeat(figures, sweep, tmp_path):

@@ -10,7 +10,7 @@ from ncrs.runs.elites import load_archive
 from ncrs.runs.sources import load_robot
 from ncrs.viz import film_files
 from ncrs.viz.errors import VizError
-from ncrs.viz.films import FilmSize, channel_picture, growth_frames, timed_frames
+from ncrs.viz.films import FilmSize, channel_picture, growth_frames, save_film, timed_frames
 from ncrs.viz.options import FilmOptions
 from ncrs_envs.canvas import SIGNED
 
@@ -52,6 +52,14 @@ def test_the_episode_moves(robot):
     assert len(frames) == 12 + 102
     first, last = frames[12].astype(int), frames[-1]
     assert (np.abs(first - last)[:, :240] > 50).any()
+
+
+def test_progress_counts_every_frame(robot, tmp_path):
+    options = FilmOptions(episodes=2, speed=1.0, height=240)
+    seen = []
+    save_film(robot, [tmp_path / "film.gif"], options, lambda *counts: seen.append(counts))
+    total = 12 + 2 * 102
+    assert seen == [(drawn, total) for drawn in range(1, total + 1)]
 
 
 def test_channels_are_drawn_in_their_order():

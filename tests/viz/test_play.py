@@ -5,6 +5,7 @@ import pytest
 
 from ncrs.cli import main
 from ncrs.runs.sources import load_robot
+from ncrs.viz import play_view
 from ncrs.viz.errors import VizError
 from ncrs.viz.play_session import PlaySession, steering
 from ncrs.viz.play_view import draw_play, layout_of
@@ -159,7 +160,7 @@ def test_the_window_obeys_keys_and_clicks(session, pygame):
         assert session.yours.scene.action.max() == 0.0
         window.frame(60.0)  # after a pause it does not jump
         assert session.yours.steps == 9
-        post(pygame.KEYDOWN, key=pygame.K_3)
+        post(pygame.KEYDOWN, key=pygame.K_2)
         left, top = layout_of(session).editor
         post(pygame.MOUSEBUTTONDOWN, pos=(left + 20, top + 20), button=1)
         window.frame(0.0)
@@ -175,6 +176,37 @@ def test_the_window_obeys_keys_and_clicks(session, pygame):
         post(pygame.QUIT)
         window.frame(0.0)
         assert not window.open
+
+
+@pytest.mark.parametrize("name", ["light_chase", "carry_ball"])
+def test_cells_have_the_numbers_of_the_api(pygame, monkeypatch, name):
+    labels = []
+    real = play_view.write
+
+    def write(picture, at, text, look):
+        labels.append(text)
+        return real(picture, at, text, look)
+
+    monkeypatch.setattr(play_view, "write", write)
+    play_view._palette.cache_clear()
+    task = TaskSettings(name)
+    with PlayWindow(PlaySession(task, default_body(task.task, 5))) as window:
+        for code in range(10):
+            before = window.chosen
+            pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_0 + code))
+            window.frame(0.0)
+            known = code in (0, *map(int, task.task.part_cells))
+            assert window.chosen == (code if known else before)
+            label = f"{code}  {task.task.cell_label(Cell(code))}" if known else ""
+            assert (label in labels) == known
+        window._click(layout_at(window, row=1, column=4), 1)
+        assert window._session.body[1, 4] == window.chosen == Cell.WHEEL
+
+
+def layout_at(window, row, column):
+    """The pixel in the middle of a cell of the editor, row 0 at the top."""
+    (left, top), cell = window._layout.editor, 200 / 6
+    return round(left + (column + 1) * cell), round(top + (row + 1) * cell)
 
 
 def test_the_command_opens_and_closes(sweep, pygame):

@@ -13,10 +13,10 @@
 
   // Colour of a value from low to high.
   NCRSReport.amountColor = (value, low, high) =>
-    between(scale("amount"), high > low ? (value - low) / (high - low) : 0.5);
-  // Colour of a value from -limit to limit.
-  NCRSReport.signedColor = (value, limit) =>
-    between(scale("signed"), limit > 0 ? 0.5 + (0.5 * value) / limit : 0.5);
+    between(scale("amount"), high > low ? (value - low) / (high - low) : 0);
+  // Colour of a signed value; beyond the limit it no longer changes.
+  NCRSReport.signedColor = (value) =>
+    between(scale("signed"), 0.5 + (0.5 * value) / NCRSReport.overview.world.signedLimit);
   // Background that shows a whole scale, "amount" or "signed", from left to right.
   NCRSReport.ramp = (name) =>
     `linear-gradient(to right, ${scale(name).map((rgb) => `rgb(${rgb.join(", ")})`).join(", ")})`;

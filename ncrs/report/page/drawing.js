@@ -22,31 +22,52 @@
     return `rgb(${a.map((value, i) => Math.round(value + (b[i] - value) * fraction)).join(", ")})`;
   }
 
-  // One cell, centred on the origin, of side 2; value is a sensor's, gas a wheel's.
+  // The colour of a sensor: nearly dark at value 0, nearly white at 1.
+  function lit(hue, value) {
+    const { ground, white } = NCRSReport.overview.world.palette;
+    return mix(mix(ground, hue, 0.2), mix(hue, white, 0.7), Math.min(Math.max(value, 0), 1));
+  }
+
+  function fillDisc(context, radius, color) {
+    context.fillStyle = color;
+    context.beginPath();
+    context.arc(0, 0, radius, 0, 2 * Math.PI);
+    context.fill();
+  }
+
+  function fillPolygon(context, points, color) {
+    context.fillStyle = color;
+    context.beginPath();
+    points.forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
+    context.closePath();
+    context.fill();
+  }
+
+  function fillDiamond(context, reach, color) {
+    fillPolygon(context, [[-reach, 0], [0, -reach], [reach, 0], [0, reach]], color);
+  }
+
+  // One cell, centred on the origin, of side 2; value is a sensor's, gas a wheel's. The shapes and
+  // colours are those of ncrs_envs.rendering.
   function drawCell(context, character, value, gas) {
     const { palette, cells } = NCRSReport.overview.world;
     const cell = cells[character];
-    const hue = cell.name === "target sensor" ? palette.sky : palette.amber;
-    const fill = cell.senses ? mix(palette.sensor_base, hue, value)
-      : cell.drives ? palette.wheel_base : palette.tissue;
-    context.fillStyle = fill;
-    context.fillRect(-1, -1, 2, 2);
-    context.strokeStyle = palette.cell_edge;
-    context.lineWidth = 0.12;
-    context.strokeRect(-0.94, -0.94, 1.88, 1.88);
-    if (cell.senses) {
-      context.strokeStyle = hue;
-      context.lineWidth = 0.16;
-      context.beginPath();
-      if (cell.name === "target sensor") context.rect(-0.5, -0.5, 1, 1);
-      else context.arc(0, 0, 0.56, 0, 2 * Math.PI);
-      context.stroke();
+    const fill = (color, x, y, width, height) => {
+      context.fillStyle = color;
+      context.fillRect(x, y, width, height);
+    };
+    fill(palette.cell_edge, -1, -1, 2, 2);
+    fill(cell.senses || cell.drives ? palette.sensor_base : palette.tissue, -0.92, -0.92, 1.84, 1.84);
+    if (character === "T") {
+      fillDiamond(context, 0.98, palette.sky);
+      fillDiamond(context, 0.66, lit(palette.sky, value));
+    } else if (cell.senses) {
+      fillDisc(context, 0.85, palette.amber);
+      fillDisc(context, 0.6, lit(palette.amber, value));
     } else if (cell.drives) {
-      context.strokeStyle = palette.wall_edge;
-      context.lineWidth = 0.1;
-      context.strokeRect(-0.45, -0.78, 0.9, 1.56);
-      context.fillStyle = gas >= 0 ? palette.green : palette.vermilion;
-      context.fillRect(-0.4, 0, 0.8, -0.74 * gas);
+      fill(palette.wheel_base, -0.62, -0.92, 1.24, 1.84);
+      fill(gas >= 0 ? palette.green : palette.vermilion, -0.45, 0.2, 0.9, -0.7 * gas);
+      fillPolygon(context, [[-0.6, -0.5], [0.6, -0.5], [0, -0.92]], palette.white);
     }
   }
 
@@ -211,13 +232,13 @@
   }
 
   // One channel as n x n squares.
-  function drawChannel(canvas, values, limit) {
+  function drawChannel(canvas, values) {
     const n = NCRSReport.overview.world.gridSize;
     canvas.width = n;
     canvas.height = n;
     const context = canvas.getContext("2d");
     values.forEach((value, i) => {
-      context.fillStyle = NCRSReport.signedColor(value, limit);
+      context.fillStyle = NCRSReport.signedColor(value);
       context.fillRect(i % n, Math.floor(i / n), 1, 1);
     });
   }
@@ -227,7 +248,7 @@
     const context = surface(canvas, 16);
     context.translate(8, 8);
     context.scale(8, 8);
-    drawCell(context, character, 1, 0.8);
+    drawCell(context, character, 1, 0);
   }
 
   Object.assign(NCRSReport, { drawBody, drawEpisode, drawChannel, drawSwatch });

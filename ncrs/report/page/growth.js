@@ -11,7 +11,8 @@
     const size = gridSize * gridSize;
     const heading = element("h4", {}, title);
     const canvases = channels.map(() => element("canvas", { role: "img" }));
-    const low = element("span"), high = element("span");
+    const limit = NCRSReport.overview.world.signedLimit;
+    const low = element("span", {}, `−${limit} or less`), high = element("span", {}, `${limit} or more`);
     const figures = channels.map((name, i) =>
       element("figure", { class: "channel" }, canvases[i], element("figcaption", {}, name.replace("/", "/\u200b"))));
     const ramp = element("span");
@@ -21,13 +22,10 @@
 
     function show(states, from, text) {
       const all = states.subarray(from, from + channels.length * size);
-      const limit = Math.max(...all.map(Math.abs), 0.1);
       heading.textContent = text;
-      low.textContent = (-limit).toFixed(1);
-      high.textContent = limit.toFixed(1);
       channels.forEach((name, i) => {
         const values = all.subarray(i * size, (i + 1) * size);
-        NCRSReport.drawChannel(canvases[i], values, limit);
+        NCRSReport.drawChannel(canvases[i], values);
         const range = `${Math.min(...values).toFixed(2)} to ${Math.max(...values).toFixed(2)}`;
         canvases[i].setAttribute("aria-label", `Channel ${name}: ${range}`);
         figures[i].title = `${name}: ${range}`;

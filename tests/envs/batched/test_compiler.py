@@ -36,11 +36,17 @@ def sources(tmp_path) -> Path:
     return tmp_path
 
 
+def _finished(
+    directory: Path, code: str = "import ncrs_test_kernel", **variables: str
+) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(ROOT), str(directory)])
+    environment = {**os.environ, "PYTHONPATH": path, **variables}
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+
+
 def _run(directory: Path) -> list[str]:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(directory)])}
-    command = [sys.executable, "-c", "import ncrs_test_kernel"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return done.stdout.split()
+    return _finished(directory).stdout.split()
 
 
 def test_a_constant_that_changes_in_another_file_is_noticed(sources):
@@ -50,6 +56,28 @@ def test_a_constant_that_changes_in_another_file_is_noticed(sources):
     assert hits != ["Counter()"]  # came from disk
     (sources / "ncrs_test_constants.py").write_text("FACTOR = 5.0\n")
     assert _run(sources) == ["10.0", "Counter()"]
+
+
+def test_compilation_is_announced_once_and_only_when_it_happens(sources):
+    twice = "import ncrs_test_kernel; print(ncrs_test_kernel.scaled(3))"  # of another type
+    done = _finished(sources, twice, NCRS_QUIET="")
+    assert done.stdout.split()[-1] == "9.0"
+    assert done.stderr.startswith("ncrs: compiling the simulator for this computer, once")
+    assert done.stderr.count("\n") == 1
+    assert "NCRS_QUIET=1" in done.stderr
+    assert _finished(sources, twice, NCRS_QUIET="0").stderr == ""  # came from disk
+
+
+def test_the_notice_can_be_hidden_and_workers_give_none(sources):
+    assert _finished(sources, NCRS_QUIET="1").stderr == ""
+    (sources / "ncrs_test_constants.py").write_text("FACTOR = 5.0\n")
+    worker = (
+        "import multiprocessing; multiprocessing.current_process().name = 'SpawnProcess-1'; "
+        "import ncrs_test_kernel"
+    )
+    done = _finished(sources, worker, NCRS_QUIET="0")
+    assert done.stdout.split() == ["10.0", "Counter()"]
+    assert done.stderr == ""
 
 
 def test_digest_covers_imports_however_deep_and_nothing_else(sources, monkeypatch):
