@@ -1,7 +1,7 @@
-"""EvoTorch on the batched engine: a distribution over genomes that climbs by natural gradients.
+"""EvoTorch on the batched engine: its separable CMA-ES evolves the weights.
 
-Needs ``pip install evotorch``. Grows and drives robots as training does, with SNES in place of our
-optimizers:
+Needs ``pip install evotorch``. It grows and drives robots as training does, with EvoTorch in place
+of our optimizers:
 
     python examples/evotorch_search.py
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import torch
 from evotorch import Problem, SolutionBatch
-from evotorch.algorithms import SNES
+from evotorch.algorithms import CMAES
 
 import ncrs
 from ncrs.automaton.channels import nca_layout
@@ -53,7 +53,7 @@ class Chase(Problem):
 def search(generations: int, seed: int, curve: Path | None = None) -> torch.Tensor:
     """Search, and return the genome at the middle of the distribution."""
     problem = Chase(seed)
-    searcher = SNES(problem, popsize=POPULATION, stdev_init=SIGMA)
+    searcher = CMAES(problem, popsize=POPULATION, stdev_init=SIGMA, separable=True)
     rows, start = [], time.perf_counter()
     for generation in range(generations):
         searcher.step()

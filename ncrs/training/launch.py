@@ -14,11 +14,9 @@ from omegaconf import DictConfig, OmegaConf
 
 from ncrs.runs.failure import refused_folders
 from ncrs.runs.resources import resource_folder
-from ncrs.runs.results import collect_results, save_results
 from ncrs.runs.wording import program_name, train_command
 from ncrs.training.arguments import Sweep, check_arguments
 from ncrs.training.hydra import CONFIG_NAME, HYDRA_VERSION, register
-from ncrs.training.jobs import run_job
 from ncrs_envs.errors import NCRSError
 
 _INTERRUPTED = 130
@@ -56,6 +54,10 @@ def launch(arguments: Sequence[str]) -> None:
             print(folder)
             return
         sweep = check_arguments(arguments, folder)
+        from ncrs.training.jobs import (
+            run_job,  # torch takes seconds: refused settings need not wait
+        )
+
         main = hydra.main(
             version_base=HYDRA_VERSION, config_path=str(folder), config_name=CONFIG_NAME
         )(run_job)
@@ -102,6 +104,8 @@ def _run_sweep(main: Callable[[], Any], arguments: Sequence[str], sweep: Sweep) 
 
 def _report(folder: Path, jobs: int | None) -> bool:
     """Print and save the table of a sweep; return True if each of its jobs has finished."""
+    from ncrs.runs.results import collect_results, save_results
+
     results = collect_results([folder])
     print()
     print("\n".join(results.lines()))

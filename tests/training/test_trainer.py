@@ -177,6 +177,7 @@ def wait_for_checkpoint(run_dir, generation, process):
         time.sleep(0.005)
 
 
+@pytest.mark.slow
 def test_a_run_killed_again_and_again_ends_bit_equal(undisturbed, start, tmp_path):
     run_dir = tmp_path / "killed"
     # Between checkpoints, while one is being written, wherever it happens to be.
@@ -289,40 +290,19 @@ def test_a_population_that_is_all_invalid_is_no_error(tmp_path):
     assert not (tmp_path / "champion.npz").exists()
 
 
-def run_train(*arguments):
-    return subprocess.run(
-        [sys.executable, "train.py", *arguments],
-        cwd=ROOT, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
-
-
-def test_a_sweep_has_a_folder_for_each_job(tmp_path):
-    # Genomes so small that no champion is found, whose assessment would take most of the time.
-    done = run_train(
-        "-m", "engine=box2d", "engine.workers=1", "optimizer.population=16", "optimizer.sigma=1e-6",
-        "generations=1", "episodes=2", "task=light_chase,obstacle", "seed=0,1",
-        f"hydra.sweep.dir={tmp_path}",
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    folders = sorted(path.name for path in tmp_path.iterdir() if path.is_dir())
-    assert len(folders) == 4
-    assert [name.split("_")[0] for name in folders] == ["0", "1", "2", "3"]
-    assert all((tmp_path / name / "checkpoints").is_dir() for name in folders)
-
-
-def test_a_typo_fails_at_once_and_leaves_nothing(tmp_path):
+def test_a_typo_fails_at_once_and_leaves_nothing(launched, tmp_path):
     before = sorted(os.listdir(ROOT))
-    done = run_train("optimizer.sgima=1", f"hydra.run.dir={tmp_path}/run")
-    assert done.returncode == 1
+    done = launched("optimizer.sgima=1", f"hydra.run.dir={tmp_path}/run")
+    assert done.returncode == 2
     assert "Did you mean optimizer.sigma" in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "run").exists()
     assert sorted(os.listdir(ROOT)) == before
 
 
-def test_an_impossible_value_is_one_sentence(tmp_path):
-    done = run_train("task.name=chess", f"hydra.run.dir={tmp_path}/run")
-    assert done.returncode == 1
+def test_an_impossible_value_is_one_sentence(launched, tmp_path):
+    done = launched("task.name=chess", f"hydra.run.dir={tmp_path}/run")
+    assert done.returncode == 2
     assert "Unknown task 'chess'" in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "run").exists()

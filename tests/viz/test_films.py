@@ -98,7 +98,6 @@ def test_an_elite_and_a_genome_are_robots_too(sweep, tmp_path, robot):
         (["{tmp}/text.npy", "--task", "light_chase"], "not a numpy file"),
         (["{run}", "--height", "9"], "height must be from 240"),
         (["{run}", "--speed", "0"], "speed must be above 0"),
-        (["{run}", "--output", "{tmp}/none"], "there is no folder"),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, message, sweep, tmp_path, robot, capsys):
