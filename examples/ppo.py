@@ -41,7 +41,7 @@ class Settings:
     task: str = "light_chase"
     body: str = "...../LWWWL/WWWWW/WWWWW/L...L"
     seed: int = 0
-    steps: int = 2_560_000
+    steps: int = 1_228_800
     """Environment steps."""
     envs: int = 512
     hidden: int = 64
