@@ -17,6 +17,7 @@ from ncrs.runs.champion import Champion
 from ncrs.runs.checkpoint import writing
 from ncrs.runs.metrics import MetricsFile
 from ncrs.runs.settings import TrainConfig
+from ncrs.training.events import keep_events
 from ncrs.training.generation import Generation
 from ncrs.training.tensorboard import RunPictures, add_curves, add_end, add_settings
 from ncrs.training.versions import versions
@@ -39,7 +40,8 @@ class RunLog:
     ) -> None:
         self._run_dir = run_dir
         with writing(run_dir):
-            self._writer = SummaryWriter(str(run_dir), purge_step=start if start else None)
+            keep_events(run_dir, start)
+            self._writer = SummaryWriter(str(run_dir))
         self._pictures = RunPictures(self._writer)
         self._table = MetricsFile(run_dir, start)
         self._of_champion: dict[str, float] = {}
