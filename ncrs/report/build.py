@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.resources import files
@@ -17,6 +15,7 @@ from ncrs.automaton.growth import record_growth
 from ncrs.automaton.nca import NCAPopulation
 from ncrs.report.curves import Curve, load_curves
 from ncrs.report.encoding import pack, quantize, write_data
+from ncrs.report.folder import check_folder, new_report
 from ncrs.report.overview import charts, facts, robot_table, setting_lines, title, world
 from ncrs.report.robots import ReportError, Robots, load_robots, lone_robot
 from ncrs.runs.published import PublishedChampion
@@ -115,7 +114,7 @@ def build_report(
 
     Raises:
         ConfigError: If the folder holds no run, or neither an archive nor a champion.
-        ReportError: If there is no robot to show, or ``folder`` holds anything but a report.
+        ReportError: If there is no robot to show, or ``folder`` holds no report, but other files.
         ScenarioError: If the number of episodes is not a positive integer.
         SeedError: If the seed is not a non-negative integer.
         CheckpointError: If a file of the run is damaged.
@@ -142,7 +141,7 @@ def build_robot_report(
         options: Episodes to record; None for the defaults.
 
     Raises:
-        ReportError: If ``folder`` holds anything but a report.
+        ReportError: If ``folder`` holds no report, but other files.
         ScenarioError: If the number of episodes is not a positive integer.
         SeedError: If the seed is not a non-negative integer.
     """
@@ -159,7 +158,7 @@ def _write_report(
     options: ReportOptions,
     progress: Callable[[int, int], None] | None,
 ) -> Report:
-    _check_target(target)
+    check_folder(target)  # before robots are recorded, which takes long
     robots, curves = subject.robots, subject.curves
     settings = robots.task
     scenarios = sample_scenarios(
@@ -177,10 +176,8 @@ def _write_report(
         "records": {"first": first, "chunk": CHUNK},
         "limits": _limits(settings),
     }
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".report-", dir=target.parent) as temporary:
-        made = Path(temporary) / REPORT_FOLDER
-        (made / DATA_FOLDER).mkdir(parents=True)
+    with new_report(target) as made:
+        (made / DATA_FOLDER).mkdir()
         write_data(made / OVERVIEW_FILE, "overview", 0, overview)
         page = {
             "title": title(settings.task, subject.config),
@@ -195,20 +192,7 @@ def _write_report(
         _write_page(made, page)
         _write_robots(made / DATA_FOLDER, robots, first, scenarios, progress)
         size = sum(path.stat().st_size for path in made.rglob("*") if path.is_file())
-        if target.exists():
-            shutil.rmtree(target)
-        made.replace(target)
     return Report(target / PAGE_FILE, len(robots), len(robots) - first, size)
-
-
-def _check_target(target: Path) -> None:
-    """Refuse to replace anything but a report or an empty folder."""
-    if target.is_dir() and (not any(target.iterdir()) or (target / OVERVIEW_FILE).is_file()):
-        return
-    if target.exists():
-        raise ReportError(
-            f"{target} exists and is not a report; give another folder, or remove it first."
-        )
 
 
 def _limits(settings: TaskSettings) -> dict[str, float]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ncrs.runs.checkpoint import writing
 from ncrs.viz.errors import VizError
 
 _GIF_WIDTH = 540
@@ -23,6 +24,7 @@ class FilmWriter(ABC):
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._frames = 0
         self._unfinished = path.with_name(f".{path.stem}.tmp{path.suffix}")
 
     @abstractmethod
@@ -33,12 +35,25 @@ class FilmWriter(ABC):
     def _finish(self) -> None:
         """Write what is left."""
 
+    @abstractmethod
+    def _frames_written(self) -> int:
+        """Count the frames in the unfinished file; raise ``OSError`` if it is not whole."""
+
     def close(self, *, keep: bool) -> None:
-        """Finish the file and put it in its place; without ``keep``, remove it."""
-        self._finish()
-        if keep:
-            self._unfinished.replace(self._path)
-        else:
+        """Finish the file, check it, and put it in its place; without ``keep``, remove it.
+
+        Raises:
+            CheckpointError: If the file could not be written whole; an older one is intact then.
+        """
+        try:
+            with writing(self._path):
+                self._finish()
+                if keep:
+                    written = self._frames_written()
+                    if written != self._frames:
+                        raise OSError(f"{written} of {self._frames} frames were written")
+                    self._unfinished.replace(self._path)
+        finally:
             self._unfinished.unlink(missing_ok=True)
 
 
@@ -64,17 +79,22 @@ class Mp4Writer(FilmWriter):
     def add(self, frame: NDArray[np.uint8], copies: int) -> None:
         """Encode the frame ``copies`` times."""
         data = np.ascontiguousarray(frame)
-        try:
+        self._frames += copies
+        with writing(self._path):  # the encoder stops reading when it cannot write
             for _ in range(copies):
                 self._pipe.send(data)
-        except OSError as error:
-            raise VizError(
-                f"The video encoder stopped writing {self._path}: check free space and permissions "
-                "of its folder."
-            ) from error
 
     def _finish(self) -> None:
         self._pipe.close()
+
+    def _frames_written(self) -> int:
+        # The encoder's exit code is not passed on: only the file can tell.
+        from imageio_ffmpeg import count_frames_and_secs
+
+        try:
+            return int(count_frames_and_secs(str(self._unfinished))[0])
+        except RuntimeError as error:
+            raise OSError("the video encoder could not write all of it") from error
 
 
 class GifWriter(FilmWriter):
@@ -94,6 +114,7 @@ class GifWriter(FilmWriter):
         if self._images and self._durations[-1] < 1000.0 / _GIF_FPS:
             self._durations[-1] += round(milliseconds)
             return
+        self._frames += 1
         small = Image.fromarray(frame).resize(self._size, Image.Resampling.LANCZOS)
         self._images.append(small.quantize(_GIF_COLORS, dither=Image.Dither.NONE))
         self._durations.append(round(milliseconds))
@@ -108,6 +129,13 @@ class GifWriter(FilmWriter):
             duration=self._durations,
             loop=0,
         )
+
+    def _frames_written(self) -> int:
+        # Equal frames in a row are one image in the file: its last image must be readable.
+        with Image.open(self._unfinished) as film:
+            film.seek(getattr(film, "n_frames", 1) - 1)
+            film.load()
+        return self._frames
 
 
 def check_encoder() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -174,6 +175,7 @@ def save_film(
 
     Raises:
         VizError: If a suffix is unknown, or there is no video encoder.
+        CheckpointError: If a film could not be written whole; an older one is intact then.
         ScenarioError: If the number of episodes is not a positive integer.
     """
     options = FilmOptions() if options is None else options
@@ -194,5 +196,6 @@ def save_film(
                 progress(drawn, total)
         done = True
     finally:
-        for writer in writers:
-            writer.close(keep=done)
+        with ExitStack() as stack:  # each is closed, whatever happens to another
+            for writer in writers:
+                stack.callback(writer.close, keep=done)

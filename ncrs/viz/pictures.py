@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ncrs.runs.checkpoint import write_atomically
 from ncrs.runs.robot import EvolvedRobot
 from ncrs.viz.recording import record_episodes
 from ncrs_envs.rendering import MIN_RENDER_SIZE, check_render_size, draw_body, draw_scene
@@ -116,14 +117,24 @@ def story(robot: EvolvedRobot, ends: Sequence[Frame]) -> Frame:
 def save_pictures(
     robot: EvolvedRobot, folder: Path, *, seed: int = 0, size: int = DEFAULT_SIZE
 ) -> list[Path]:
-    """Draw body, growth and an episode in each region; returns the paths of the files."""
+    """Draw body, growth and an episode in each region; returns the paths of the files.
+
+    Raises:
+        CheckpointError: If a file cannot be written; an older one is intact then.
+    """
     body_path, story_path, episodes_path = (
         folder / name for name in (BODY_FILE, STORY_FILE, EPISODES_FILE)
     )
     episodes = episode_frames(robot, episodes=REGIONS, seed=seed, size=size)
-    Image.fromarray(draw_body(robot.body, size)).save(body_path)
-    Image.fromarray(story(robot, [episode[-1] for episode in episodes])).save(story_path)
+    _save_png(body_path, draw_body(robot.body, size))
+    _save_png(story_path, story(robot, [episode[-1] for episode in episodes]))
     frames = [frame for episode in episodes for frame in episode]
     durations = [duration for episode in episodes for duration in _durations(episode)]
-    episodes_path.write_bytes(encode_animation(frames, durations))
+    animation = encode_animation(frames, durations)
+    write_atomically(episodes_path, lambda stream: stream.write(animation))
     return [body_path, story_path, episodes_path]
+
+
+def _save_png(path: Path, picture: Frame) -> None:
+    image = Image.fromarray(picture)
+    write_atomically(path, lambda stream: image.save(stream, format="PNG"))

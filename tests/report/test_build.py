@@ -1,23 +1,30 @@
 """The report's data against the archive, the environments and the automaton in torch."""
 
 import dataclasses
+import errno
+import json
+import os
 import re
+import shutil
 
 import gymnasium
 import numpy as np
 import pytest
 
 import ncrs
+import ncrs.report.build
 from ncrs.cli import main
 from ncrs.report import ReportError, ReportOptions, build_report
 from ncrs.report.build import CHUNK
 from ncrs.runs.champion import load_champion_file
+from ncrs.runs.checkpoint import CheckpointError
 from ncrs.runs.elites import ARCHIVE_FILE, load_archive
 from ncrs.runs.settings import ConfigError
 from ncrs_envs.body import body_to_characters, sensor_mask, wheel_mask
 from ncrs_envs.scenario import sample_scenarios
 
 EPISODES = 2  # as the fixtures have it
+CHAMPION_ALONE = ReportOptions(elites="champion", episodes=1)
 
 
 @pytest.fixture(scope="module")
@@ -205,3 +212,67 @@ def test_nothing_but_a_report_is_written_over(run_dir, tmp_path, capsys):
         assert (page / "index.html").is_file()
     assert "with growth and episodes" in capsys.readouterr().out
     assert sorted(path.name for path in tmp_path.iterdir()) == ["page", "precious"]
+
+
+@pytest.fixture
+def page(run_dir, tmp_path):
+    folder = tmp_path / "page"
+    build_report(run_dir, folder, CHAMPION_ALONE)
+    return folder
+
+
+def test_files_beside_a_report_stay(run_dir, page):
+    (page / "notes.txt").write_text("mine")
+    (page / "data" / "own.js").write_text("mine")
+    stale = page / "data" / "robots-7.js"
+    stale.write_text("of an older, larger report")
+    manifest = json.loads((page / "manifest.json").read_text())
+    manifest["files"].append("data/robots-7.js")
+    (page / "manifest.json").write_text(json.dumps(manifest))
+    build_report(run_dir, page, CHAMPION_ALONE)
+    assert (page / "notes.txt").read_text() == (page / "data" / "own.js").read_text() == "mine"
+    assert not stale.exists()
+    assert set(json.loads((page / "manifest.json").read_text())["files"]) == {
+        path.relative_to(page).as_posix()
+        for path in page.rglob("*")
+        if path.is_file() and path.name not in ("manifest.json", "notes.txt", "own.js")
+    }
+
+
+def test_what_merely_looks_like_a_report_is_left_alone(run_dir, page):
+    (page / "manifest.json").unlink()
+    before = {path: path.read_bytes() for path in page.rglob("*") if path.is_file()}
+    with pytest.raises(ReportError, match="is not a report"):
+        build_report(run_dir, page, CHAMPION_ALONE)
+    (page / "manifest.json").write_text('{"files": ["../outside.txt"]}')
+    with pytest.raises(ReportError, match="is not a report"):
+        build_report(run_dir, page, CHAMPION_ALONE)
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_links_are_not_followed(run_dir, page, tmp_path):
+    outside = tmp_path / "outside"
+    shutil.copytree(page / "data", outside)
+    shutil.rmtree(page / "data")
+    (page / "data").symlink_to(outside)
+    before = {path: path.read_bytes() for path in outside.iterdir()}
+    with pytest.raises(ReportError, match="is a link"):
+        build_report(run_dir, page, CHAMPION_ALONE)
+    assert {path: path.read_bytes() for path in outside.iterdir()} == before
+    (tmp_path / "link").symlink_to(page)
+    with pytest.raises(ReportError, match="is a link; give the folder itself"):
+        build_report(run_dir, tmp_path / "link", CHAMPION_ALONE)
+
+
+def test_a_full_disk_leaves_the_older_report(run_dir, page, monkeypatch, tmp_path):
+    def full(*arguments):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    before = {path: path.read_bytes() for path in page.rglob("*") if path.is_file()}
+    (tmp_path / ".page.tmp").mkdir()
+    (tmp_path / ".page.tmp" / "left").write_text("by a process that was killed")
+    monkeypatch.setattr(ncrs.report.build, "write_data", full)
+    with pytest.raises(CheckpointError, match=r"(?i)could not write.*no space left.*intact"):
+        build_report(run_dir, page, CHAMPION_ALONE)
+    assert {path: path.read_bytes() for path in page.rglob("*") if path.is_file()} == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["page"]
