@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import threading
 import warnings
@@ -23,6 +24,8 @@ from numpy.typing import NDArray
 
 from ncrs_envs.errors import NCRSError
 
+FORMAT = 1
+"""Version of the files' format; a reader refuses others by name."""
 _JSON_MEMBER = "json"
 _ARRAY_KEY = "__array__"
 _PATTERN = "generation_*.npz"
@@ -115,7 +118,7 @@ def write_state(path: Path, state: dict[str, Any]) -> None:
         TypeError: If the state holds something else.
     """
     arrays: dict[str, NDArray[Any]] = {}
-    text = json.dumps(_take_arrays(state, arrays))
+    text = json.dumps({"format": FORMAT, "state": _take_arrays(state, arrays)})
     arrays[_JSON_MEMBER] = np.frombuffer(text.encode(), dtype=np.uint8)
     write_atomically(path, lambda stream: np.savez(stream, **arrays))  # type: ignore[arg-type]
 
@@ -124,7 +127,7 @@ def read_state(path: Path) -> dict[str, Any]:
     """Read a file that ``write_state`` wrote.
 
     Raises:
-        CheckpointError: If the file cannot be read.
+        CheckpointError: If the file cannot be read, or has another format.
         DamagedCheckpointError: If it is truncated, altered, or something else.
         ForeignFileError: If it holds nothing but arrays, as numpy saves them.
     """
@@ -135,6 +138,7 @@ def read_state(path: Path) -> dict[str, Any]:
     try:
         # numpy reads an array only as far as its header says, and may not reach the checksum.
         with zipfile.ZipFile(content) as members:
+            _check_sizes(members)
             altered = members.testzip()
         if altered is not None:
             raise zipfile.BadZipFile(f"{altered} does not have its checksum")
@@ -145,12 +149,41 @@ def read_state(path: Path) -> dict[str, Any]:
             raise ForeignFileError(
                 f"{path} holds the arrays {sorted(arrays)}, and no checkpoint, champion or archive."
             )
-        state: dict[str, Any] = _put_arrays(json.loads(arrays[_JSON_MEMBER].tobytes()), arrays)
+        stored = json.loads(arrays[_JSON_MEMBER].tobytes())
     except (MemoryError, ForeignFileError):
         raise
     except Exception as error:  # from altered bytes zipfile and numpy raise nearly anything
         raise DamagedCheckpointError(f"{path} is not a whole checkpoint: {error}.") from error
+    found = stored.get("format") if isinstance(stored, dict) else None
+    if found != FORMAT:
+        raise CheckpointError(
+            f"{path} has the format {found!r}; this version of ncrs reads {FORMAT}. Use the "
+            "version that wrote it."
+        )
+    state: dict[str, Any] = _put_arrays(stored["state"], arrays)
     return state
+
+
+def _check_sizes(members: zipfile.ZipFile) -> None:
+    """Check that no member is larger than the file can hold, before any is read.
+
+    Raises:
+        zipfile.BadZipFile: If a member is compressed, or its header declares another size.
+    """
+    for member in members.infolist():
+        if member.compress_type != zipfile.ZIP_STORED:
+            raise zipfile.BadZipFile(f"{member.filename} is compressed, as ncrs never writes it")
+        with members.open(member) as stream:
+            version = np.lib.format.read_magic(stream)
+            read = np.lib.format.read_array_header_1_0
+            if version != (1, 0):
+                read = np.lib.format.read_array_header_2_0
+            shape, _, dtype = read(stream)
+            declared = stream.tell() + math.prod(shape) * dtype.itemsize
+        if declared != member.file_size:
+            raise zipfile.BadZipFile(
+                f"{member.filename} declares {declared:,} bytes and has {member.file_size:,}"
+            )
 
 
 def _take_arrays(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:

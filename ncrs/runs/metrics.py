@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -17,11 +18,16 @@ METRICS_FILE = "metrics.csv"
 GENERATION = "generation"
 
 
+class MetricsWarning(UserWarning):
+    """A run's table of curves that lost rows; the run itself is whole."""
+
+
 def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
     """Read the columns' names and the whole rows: a killed run may have left half a row."""
     if not path.is_file():
         return [], []
-    text = path.read_text(encoding="utf-8")
+    # A foreign byte spoils its own row, not the table.
+    text = path.read_text(encoding="utf-8", errors="replace")
     rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
     if not rows:
         return [], []
@@ -39,9 +45,20 @@ class MetricsFile:
 
     def __init__(self, folder: Path, start: int) -> None:
         self._path = folder / METRICS_FILE
-        self._names, rows = _rows(self._path)
-        kept = [row for row in rows if row[0].isdigit() and int(row[0]) < start]
-        self._write([] if start == 0 else self._names, kept)
+        names, rows = _rows(self._path)
+        if names[:1] != [GENERATION]:
+            rows = []  # the names are lost, and with them the meaning of the values
+        sound = {int(row[0]): row for row in rows if row[0].isdigit() and _are_numbers(row)}
+        kept = [row for generation, row in sorted(sound.items()) if generation < start]
+        if len(kept) < start:
+            warnings.warn(
+                f"{self._path} lacks {start - len(kept)} of the {start} generations done so far, "
+                "or they are damaged: its curves have gaps. The run itself is whole.",
+                MetricsWarning,
+                stacklevel=2,
+            )
+        self._names = names
+        self._write(names if kept else [], kept)
 
     def _write(self, names: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         self._names = list(names) or [GENERATION]
@@ -59,6 +76,14 @@ class MetricsFile:
         values = [str(generation), *(_text(metrics.get(name)) for name in self._names[1:])]
         with self._path.open("a", encoding="utf-8") as stream:
             stream.write(",".join(values) + "\n")
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    try:
+        [float(cell or "nan") for cell in cells]
+    except ValueError:
+        return False
+    return True
 
 
 def _text(value: float | None) -> str:

@@ -6,8 +6,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from ncrs.evolution.schema import StateError, check_names
 from ncrs.runs.champion import CHAMPION_FILE
-from ncrs.runs.checkpoint import CHECKPOINT_FOLDER, CheckpointFolder
+from ncrs.runs.checkpoint import CHECKPOINT_FOLDER, CheckpointError, CheckpointFolder
 from ncrs.runs.elites import ARCHIVE_FILE
 from ncrs.runs.lock import RunError
 from ncrs.runs.settings import TrainConfig, check_same_settings, lasting_settings
@@ -89,6 +90,17 @@ class RunFiles:
             CheckpointError: If there is no whole one.
         """
         checkpoint = self._checkpoints.load()
+        needed = ("versions", "settings", "search", "selection", "run")
+        try:
+            check_names(checkpoint, needed, "The checkpoint", ())
+            return self._loaded(checkpoint)
+        except (StateError, KeyError, TypeError) as error:
+            raise CheckpointError(
+                f"The newest checkpoint in {self._checkpoints.folder} is not one of this version: "
+                f"{error}"
+            ) from error
+
+    def _loaded(self, checkpoint: dict[str, Any]) -> RunState:
         warn_of_other_versions(checkpoint["versions"])
         check_same_settings(checkpoint["settings"], self._own_settings())
         self._search.load_state(checkpoint["search"])

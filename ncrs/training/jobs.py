@@ -29,6 +29,7 @@ from ncrs.runs.settings import (
 from ncrs.runs.wording import program_name
 from ncrs.training.files import holds_run
 from ncrs.training.hydra import BASIC_SWEEPER, train_config
+from ncrs.training.signals import OF_SCHEDULERS
 from ncrs.training.state import TrainingResult
 from ncrs.training.summary import exit_code, finished_lines, job_line, stopped_lines
 from ncrs.training.trainer import train
@@ -90,7 +91,7 @@ def _leave_if_stopped(result: TrainingResult) -> None:
     if result.stopped_by is None:
         return
     print("\n".join(stopped_lines(result, result.stopped_by)), flush=True)
-    if result.stopped_by not in (signal.SIGINT, signal.SIGTERM):
+    if result.stopped_by.name in OF_SCHEDULERS:
         signal.raise_signal(result.stopped_by)  # the scheduler's handler queues the job again
     sys.exit(exit_code(result.stopped_by))
 

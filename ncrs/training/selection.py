@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ncrs.engines.base import Engine
 from ncrs.evolution.objective import Objective
+from ncrs.evolution.schema import check_like, check_names
 from ncrs.runs.champion import Champion
 from ncrs.runs.seeds import Stream, seed_sequence
 from ncrs.runs.settings import TrainConfig
@@ -72,7 +73,9 @@ class ChampionSelection:
         return {"objective": float(self._best), "champion": champion}
 
     def load_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from a ``state``."""
+        """Continue from a ``state``; raise ``StateError`` if it is incomplete or malformed."""
+        check_names(state, ("objective", "champion"), "The selection's state", ())
+        check_like(state["objective"], 0.0, "objective", may_be_infinite=True)
         self._best = state["objective"]
         champion = state["champion"]
         self.champion = None if champion is None else Champion.from_state(champion)

@@ -7,20 +7,21 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any
 
-_OF_SCHEDULERS = ("SIGUSR1", "SIGUSR2")
+OF_SCHEDULERS = ("SIGUSR1", "SIGUSR2")
 """Signals by which a scheduler announces that a job's time ends, where something handles them."""
 
 
 def _signals() -> list[signal.Signals]:
     """List the signals that request a stop.
 
-    A scheduler's library, such as submitit, handles SIGTERM itself, and queues the job again at
-    another signal, which is passed on to it once the run is saved.
+    Those are SIGINT, and SIGTERM and SIGHUP unless something handles or ignores them, as nohup
+    does. A scheduler's library, such as submitit, queues the job again at another signal, which is
+    passed on to it once the run is saved.
     """
     numbers = [signal.SIGINT]
-    if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
-        numbers.append(signal.SIGTERM)
-    named = [getattr(signal, name) for name in _OF_SCHEDULERS if hasattr(signal, name)]
+    ends = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    numbers += [number for number in ends if signal.getsignal(number) == signal.SIG_DFL]
+    named = [getattr(signal, name) for name in OF_SCHEDULERS if hasattr(signal, name)]
     return numbers + [number for number in named if callable(signal.getsignal(number))]
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ncrs.engines.base import Evaluation
+from ncrs.evolution.schema import check_like, check_names
 from ncrs.runs.champion import Champion
 
 _CURVE = "curve"
@@ -58,7 +59,15 @@ class RunState:
 
     @classmethod
     def from_state(cls, state: Mapping[str, Any]) -> RunState:
-        """Build the counters from their ``state``."""
+        """Build the counters from their ``state``.
+
+        Raises:
+            StateError: If a counter is missing, foreign or malformed.
+        """
+        reference = cls().state()
+        check_names(state, reference, "The run's state", ())
+        for name, value in state.items():
+            check_like(value, reference[name], f"run.{name}", may_be_infinite=True)
         return cls(**state)
 
 

@@ -1,12 +1,15 @@
 """Checkpoints: whole or not at all."""
 
+import io
 import json
 import os
 import sys
+import zipfile
 
 import numpy as np
 import pytest
 
+import ncrs.runs.checkpoint
 from ncrs.runs.checkpoint import (
     CheckpointError,
     CheckpointFolder,
@@ -41,6 +44,34 @@ def test_round_trip_keeps_values_dtypes_and_memory_layout(tmp_path):
     assert matrix.flags.f_contiguous
     assert loaded["list"][0].dtype == np.int8
     assert loaded["list"][1:] == [1.5, "text"]
+
+
+def test_another_format_is_refused_by_name(tmp_path, monkeypatch):
+    path = tmp_path / "state.npz"
+    with monkeypatch.context() as later:
+        later.setattr(ncrs.runs.checkpoint, "FORMAT", 2)
+        write_state(path, state())
+    with pytest.raises(CheckpointError, match=r"has the format 2; this version of ncrs reads 1"):
+        read_state(path)
+
+
+def test_what_unpacks_to_more_than_the_file_is_not_read(tmp_path):
+    path = tmp_path / "state.npz"
+    np.savez_compressed(path, json=np.zeros(10**8, dtype=np.uint8))
+    assert path.stat().st_size < 2e5
+    with pytest.raises(CheckpointError, match="is compressed, as ncrs never writes it"):
+        read_state(path)
+
+
+def test_headers_that_declare_more_than_there_is_are_not_believed(tmp_path):
+    path = tmp_path / "state.npz"
+    header = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, header)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("json.npy", stream.getvalue() + b"few bytes")
+    with pytest.raises(CheckpointError, match="declares 8,000,000,000,"):
+        read_state(path)
 
 
 def test_reading_executes_nothing(tmp_path):

@@ -1,9 +1,11 @@
 """The table of a run's curves."""
 
+import warnings
+
 import numpy as np
 import pytest
 
-from ncrs.runs.metrics import METRICS_FILE, MetricsFile, read_metrics
+from ncrs.runs.metrics import METRICS_FILE, MetricsFile, MetricsWarning, read_metrics
 from ncrs.runs.settings import ConfigError
 
 
@@ -40,3 +42,39 @@ def test_missing_and_foreign_tables(tmp_path):
     (tmp_path / METRICS_FILE).write_text("generation,a\n0,much\n")
     with pytest.raises(ConfigError, match="not a table of numbers"):
         read_metrics(tmp_path)
+
+
+def whole(folder, generations=5):
+    table = MetricsFile(folder, 0)
+    for index in range(generations):
+        table.add(index, {"fitness/best": index / 8})
+
+
+@pytest.mark.parametrize("place", ["row", "names"])
+def test_a_foreign_byte_spoils_its_row_alone_and_is_said(tmp_path, place):
+    whole(tmp_path)
+    path = tmp_path / "metrics.csv"
+    lines = path.read_bytes().splitlines(keepends=True)
+    spoiled = 3 if place == "row" else 0
+    lines[spoiled] = b"\xff" + lines[spoiled][1:]
+    path.write_bytes(b"".join(lines))
+    lost = 1 if place == "row" else 5
+    with pytest.warns(
+        MetricsWarning, match=f"lacks {lost} of the 5 generations.*run itself is whole"
+    ):
+        table = MetricsFile(tmp_path, 5)
+    table.add(5, {"fitness/best": 0.625})
+    expected = [0, 1, 3, 4, 5] if place == "row" else [5]
+    assert read_metrics(tmp_path)["generation"].tolist() == expected
+
+
+def test_missing_rows_are_said_and_whole_tables_are_quiet(tmp_path):
+    whole(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        MetricsFile(tmp_path, 4)
+    path = tmp_path / "metrics.csv"
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[:2] + lines[3:]))
+    with pytest.warns(MetricsWarning, match="lacks 1 of the 4"):
+        MetricsFile(tmp_path, 4)

@@ -195,7 +195,12 @@ def test_a_run_killed_again_and_again_ends_bit_equal(undisturbed, start, tmp_pat
 
 
 @pytest.mark.parametrize(
-    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+    "number",
+    [
+        signal.SIGINT,
+        pytest.param(signal.SIGTERM, marks=pytest.mark.slow),
+        pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
+    ],
 )
 def test_a_polite_stop_saves_says_so_and_goes_on_exactly(undisturbed, start, tmp_path, number):
     run_dir = tmp_path / "stopped"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ncrs.evolution.archive import AddResult, Archive
 from ncrs.evolution.optimizers.settings import OptimizerError, OptimizerSettings
+from ncrs.evolution.schema import StateError, check_names
 
 State = dict[str, Any]
 """Arrays, and values that JSON can hold: what a checkpoint stores."""
@@ -59,7 +60,7 @@ class Optimizer(ABC):
             )
         self._before_ask = _plain(self._generator.bit_generator.state)
         self._asked = self._ask()
-        return self._asked
+        return self._asked.copy()  # changes to it must not change the search
 
     def attach(self, archive: Archive) -> None:
         """Give the optimizer the run's archive, which the caller adds to before each ``tell``.
@@ -132,8 +133,8 @@ class Optimizer(ABC):
         """Continue from a ``state``.
 
         Raises:
-            OptimizerError: If the state has another optimizer, size or setting. Nothing is changed
-                then.
+            OptimizerError: If the state has another optimizer, size or setting, is incomplete, or
+                malformed. Nothing is changed then, unless a matrix of the covariance was.
         """
         for key, value in self._identity().items():
             if state.get(key) != value:
@@ -141,7 +142,13 @@ class Optimizer(ABC):
                     f"Cannot continue: the state's {key} is {state.get(key)!r}, this optimizer's "
                     f"is {value!r}."
                 )
-        self._load_state(state)
+        try:
+            check_names(state, self.state(), "The optimizer's state", ())
+            generator = np.random.PCG64()
+            generator.state = state["generator"]
+            self._load_state(state)
+        except (StateError, KeyError, TypeError, ValueError) as error:
+            raise OptimizerError(f"Cannot continue: {error}") from error
         self._generator.bit_generator.state = state["generator"]
         self._asked = None
         self._before_ask = None

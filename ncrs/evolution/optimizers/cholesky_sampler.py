@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ncrs.evolution.optimizers.pycma import StatisticalModelSamplerWithZeroMeanBaseClass
 from ncrs.evolution.optimizers.settings import PRECISIONS, OptimizerError
+from ncrs.evolution.schema import check_like, check_names
 
 _DTYPES: Mapping[str, torch.dtype] = {name: getattr(torch, name) for name in PRECISIONS}
 
@@ -201,7 +202,19 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         }
 
     def load_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from a ``state``."""
+        """Continue from a ``state``; raise ``StateError`` if it is incomplete or malformed."""
+        kind = self._l[:0, :0].cpu().numpy().dtype
+        size = self.dimension
+        reference = {
+            "packed": np.broadcast_to(np.zeros((), kind), (size, size)),
+            "diagonal": np.zeros(size, kind),
+            "extremes": self._extremes.cpu().numpy(),
+            **dict.fromkeys(("condition", "lazy_update_gap"), 1.0),
+            **dict.fromkeys(("count_tell", "last_update", "repairs"), 0),
+        }
+        check_names(state, reference, "The state of the covariance", ())
+        for name, value in state.items():
+            check_like(value, reference[name], f"covariance.{name}")
         packed = torch.from_numpy(state["packed"]).to(self._device)
         self._c.copy_(packed).tril_()
         self._l.copy_(packed.triu(1).mT)

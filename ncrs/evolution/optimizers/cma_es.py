@@ -14,6 +14,7 @@ from ncrs.evolution.optimizers.base import Fitness, Genomes, Optimizer, State
 from ncrs.evolution.optimizers.pycma import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA, cma
 from ncrs.evolution.optimizers.pycma_state import capture, restore
 from ncrs.evolution.optimizers.settings import MatrixSettings, OptimizerError, SearchSettings
+from ncrs.evolution.schema import check_like
 
 # "decay" keeps the path of "csa", from which pycma detects stalls, but not its step size.
 _STEP_SIZES = {"csa": CMAAdaptSigmaCSA, "tpa": CMAAdaptSigmaTPA, "decay": CMAAdaptSigmaCSA}
@@ -163,6 +164,10 @@ class CMAES(Optimizer):
     def _load_state(self, state: Mapping[str, Any]) -> None:
         fresh = self._make(np.zeros(self.dimension), self._make_sampler())
         restore(fresh, state["es"])
+        check_like(state["restarts"], 0, "restarts")
+        if state["best_genome"] is not None:
+            check_like(state["best_genome"], np.zeros(self.dimension), "best_genome")
+        check_like(state["best_fitness"], 0.0, "best_fitness", may_be_infinite=True)
         self._es = fresh
         self._restarts = state["restarts"]
         self._best_genome = state["best_genome"]

@@ -16,6 +16,7 @@ from ncrs.evolution.optimizers.base import Fitness, State
 from ncrs.evolution.optimizers.emitters import EmitterOptimizer
 from ncrs.evolution.optimizers.quality_diversity import without_cell_worst
 from ncrs.evolution.optimizers.settings import CMAMAESettings
+from ncrs.evolution.schema import check_like
 
 
 class CMAMAE(EmitterOptimizer):
@@ -70,5 +71,6 @@ class CMAMAE(EmitterOptimizer):
         return {**super()._state(), "thresholds": self._thresholds.copy()}
 
     def _load_state(self, state: Mapping[str, Any]) -> None:
+        check_like(state["thresholds"], self._thresholds, "thresholds", may_be_infinite=True)
         super()._load_state(state)
         self._thresholds = np.array(state["thresholds"], dtype=np.float64)

@@ -14,6 +14,7 @@ from ncrs.evolution.optimizers.base import Fitness, Genomes, State
 from ncrs.evolution.optimizers.cma_es import CMAES
 from ncrs.evolution.optimizers.quality_diversity import QDOptimizer
 from ncrs.evolution.optimizers.settings import EmitterSettings
+from ncrs.evolution.schema import StateError, check_like
 
 
 class EmitterOptimizer(QDOptimizer):
@@ -99,6 +100,13 @@ class EmitterOptimizer(QDOptimizer):
         }
 
     def _load_state(self, state: Mapping[str, Any]) -> None:
+        count = len(self._emitters)
+        check_like(state["turn"], 0, "turn")
+        check_like(state["restarts"], 0, "restarts")
+        check_like(state["idle"], [], "idle")
+        lengths = (len(state["emitters"]), len(state["idle"]))
+        if lengths != (count, count) or not 0 <= state["turn"] < count:
+            raise StateError(f"The state is not of {count} emitters: it has {lengths[0]}.")
         for emitter, its_state in zip(self._emitters, state["emitters"], strict=True):
             emitter.load_state(its_state)
         self._kept = [None] * len(self._emitters)

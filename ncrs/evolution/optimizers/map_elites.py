@@ -15,6 +15,7 @@ from ncrs.evolution.archive import AddResult
 from ncrs.evolution.optimizers.base import Fitness, Genomes, State
 from ncrs.evolution.optimizers.quality_diversity import QDOptimizer
 from ncrs.evolution.optimizers.settings import MAPElitesSettings
+from ncrs.evolution.schema import check_like
 
 
 class MAPElites(QDOptimizer):
@@ -81,4 +82,5 @@ class MAPElites(QDOptimizer):
         return {"told": self._told}
 
     def _load_state(self, state: Mapping[str, Any]) -> None:
+        check_like(state["told"], 0, "told")
         self._told = state["told"]

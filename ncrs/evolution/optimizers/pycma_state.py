@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ncrs.evolution.optimizers.pycma import ElapsedWCTime
-from ncrs.evolution.optimizers.settings import OptimizerError
+from ncrs.evolution.schema import StateError, check_like, check_names
 
 # Not state: options and values that follow from them, logs, clocks, arguments of the last call, and
 # pycma's copies of the sampler's matrices.
@@ -29,8 +29,20 @@ _SAMPLER = "sm"
 _SAMPLER_MATRICES = frozenset({"B", "C", "D"})
 
 
-class PycmaStateError(OptimizerError):
-    """A state that does not fit pycma's objects, such as one of another pycma version."""
+_STATE = "The state of pycma's strategy"
+_LATER = {
+    "evaluations_per_f_value": 1, "number_of_injections": 1, "_isotropic_mean_shift": 1,
+    "_sigma_old": 1, "mean_old": 1, "_last_multiplier": 1, "mean_old_old": 2,
+}  # fmt: skip
+"""Members that a new strategy does not have, with the iteration from which on it has them."""
+_LATER_WITH_TPA = {"_last_z": 1, "cs": 1, "ps": 1}
+_VECTORS = frozenset(
+    {"_isotropic_mean_shift", "mean_old", "mean_old_old", "ps", "scaling", "x", "x_geno"}
+)
+"""Vectors over the variables that a new strategy does not have, or only as one number."""
+_OF_POPULATION = frozenset({"fit", "bndpen", "fit_plus_pen", "idx"})
+"""Arrays over the last population, which a new strategy does not have."""
+_MAY_BE_INFINITE = frozenset({"f", "median_min", "median_previous", "condition_limit"})
 
 
 def _is_pycma_object(value: Any) -> bool:
@@ -94,25 +106,59 @@ def restore(strategy: Any, state: dict[str, Any]) -> None:
     """Write a captured state into a strategy made with the same options.
 
     Raises:
-        PycmaStateError: If the state has parts that the strategy does not have.
+        StateError: If the state lacks a member, has one that pycma's objects do not have, or one
+            that is malformed. The strategy is unchanged then, but for its sampler.
     """
     state = dict(state)
-    if _keeps_own_state(strategy.sm):
+    own = _keeps_own_state(strategy.sm)
+    if own:
+        if _SAMPLER not in state:
+            raise StateError(f"{_STATE} lacks {_SAMPLER}: it is incomplete.")
         strategy.sm.load_state(state.pop(_SAMPLER))
+    reference = capture(strategy, sampler=not own)
+    check_like(state.get("countiter"), reference["countiter"], f"{_STATE}.countiter")
+    population = len(state.get("_is_independent_sample", ()))
+    _check(state, reference, _STATE, (state["countiter"], strategy.N, population))
     _restore(strategy, state, "")
     strategy._updateBDfromSM(strategy.sm)
     strategy.timer = ElapsedWCTime()  # pycma makes its clock in the first ask
+
+
+def _check(state: Any, reference: dict[str, Any], path: str, size: tuple[int, ...]) -> None:
+    """Check names, kinds, shapes and finiteness of all members.
+
+    Args:
+        state: Captured state.
+        reference: State of a new strategy with the same options.
+        path: Name of the state, for messages.
+        size: Iterations that the strategy has done, number of its variables N, and size of its last
+            population.
+    """
+    iteration, dimension, population = size
+    later = {}
+    if path == _STATE:
+        later = {name: after for name, after in _LATER.items() if name != "_last_multiplier"}
+    elif path.endswith("adapt_sigma"):
+        later = {"_last_multiplier": 1, **(_LATER_WITH_TPA if "s" in reference else {})}
+    due = [name for name, after in later.items() if iteration >= after]
+    check_names(state, {*reference, *due}, path, later)
+    for name, value in state.items():
+        model, below = reference.get(name), f"{path}.{name}"
+        if isinstance(model, dict):
+            _check(value, model, below, size)
+            continue
+        if np.ndim(value) and (model is None or np.ndim(model) == 0):
+            if name in _VECTORS:
+                model = np.zeros(dimension)
+            elif name in _OF_POPULATION and np.shape(value) != (population,):
+                raise StateError(f"{below} must have shape ({population},), got {np.shape(value)}.")
+        check_like(value, model, below, may_be_infinite=name in _MAY_BE_INFINITE)
 
 
 def _restore(owner: Any, state: dict[str, Any], name: str) -> None:
     members = dict(_members(owner, name))
     for key, value in state.items():
         if isinstance(value, dict):
-            if not _is_pycma_object(members.get(key)):
-                raise PycmaStateError(
-                    f"The state holds {key!r}, which this version of pycma does not have; "
-                    "continue with the version that wrote it."
-                )
             _restore(members[key], value, key)
         else:
             setattr(owner, key, _copy(value))
