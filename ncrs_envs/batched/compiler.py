@@ -24,7 +24,8 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core.caching import FunctionCache
+
+from ncrs_envs.batched.kernel_cache import kernel_cache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -78,28 +79,12 @@ class _Notice:
 _NOTICE = _Notice()
 
 
-class _SourceKeyedCache(FunctionCache):  # type: ignore[misc] # numba has no types
-    """numba's disk cache, whose entries are valid for one state of the sources only."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        self._digest = source_digest(function.__module__)
-
-    def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """Load a kernel from the disk; without one numba compiles it next, so say so."""
-        found = super().load_overload(signature, target_context)
-        if found is None:
-            _NOTICE.give()
-        return found
-
-    def _index_key(self, signature: Any, codegen: Any) -> Any:
-        return (*super()._index_key(signature, codegen), self._digest)
-
-
 def kernel(function: Function) -> Function:
     """Compile a function of scalars, arrays and records at its first call, and cache it on disk."""
     compiled = numba.njit(nogil=True, error_model="numpy")(function)
-    compiled._cache = _SourceKeyedCache(function)  # what numba's own enable_caching() sets
+    cache = kernel_cache(function, source_digest(function.__module__), _NOTICE.give)
+    if cache is not None:
+        compiled._cache = cache  # what numba's own enable_caching() sets
     return cast(Function, compiled)
 
 
