@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ncrs_envs.body import CELL_SIZE, DEFAULT_GRID_SIZE, check_grid_size
 from ncrs_envs.errors import NCRSError
+from ncrs_envs.physics import BALL_RADIUS, LIGHT_RADIUS
 from ncrs_envs.tasks import REGIONS, Task, get_task, playfield
 
 Point = tuple[float, float]
@@ -35,6 +36,8 @@ COLUMN_REGIONS = (-FAR, -NEAR, NEAR, FAR)
 WALL_EXTENT = 1.1
 """Outer extent of the walls: they begin at y = -1.1 P and extend to x = -1.1 P and 1.1 P."""
 PASSAGE_RANGE = 0.8
+WALL_REACH = 2.0
+"""Maximum coordinates of a wall's points; those of sampled walls stay well below."""
 
 # Wall shape in multiples of the grid size n.
 PASSAGE_HALF_WIDTH = 0.7
@@ -104,6 +107,50 @@ class Scenario:
                     f"{name} must lie in the playfield, -{extent:g} to {extent:g} on each axis "
                     f"for grid size {grid_size}, got {point}."
                 )
+        self._check_walls(WALL_REACH * extent)
+        self._check_start(grid_size)
+
+    def _check_walls(self, reach: float) -> None:
+        for point in chain.from_iterable(self.walls or ()):
+            if max(map(abs, point)) > reach:
+                raise ScenarioError(
+                    f"Points of walls must lie within -{reach:g} to {reach:g} on each axis, got "
+                    f"{point}."
+                )
+
+    def _check_start(self, grid_size: int) -> None:
+        """Refuse what overlaps the robot's grid at the start, where the simulators would differ."""
+        half = grid_size * CELL_SIZE / 2.0
+        for name, radius in (("light", LIGHT_RADIUS), ("ball", BALL_RADIUS)):
+            point = getattr(self, name)
+            if point is None:
+                continue
+            gaps = [max(0.0, abs(a - b) - half) for a, b in zip(point, self.start, strict=True)]
+            if math.hypot(*gaps) < radius:
+                raise ScenarioError(
+                    f"The {name} at {point} overlaps the robot's grid at the start, a square of "
+                    f"{2 * half:g} units around {self.start}; move one of them."
+                )
+        for sign, line in zip((1.0, -1.0), self.walls or (), strict=False):
+            low, high = self.start[1] - half, self.start[1] + half
+            if _reaches(line, sign, low, high) > sign * self.start[0] - half:
+                raise ScenarioError(
+                    f"A wall overlaps the robot's grid at the start, a square of {2 * half:g} "
+                    f"units around {self.start}; move one of them."
+                )
+
+
+def _reaches(line: Polyline, sign: float, low: float, high: float) -> float:
+    """Return how far a wall reaches inwards between two heights, as ``sign * x``."""
+    reach = -math.inf
+    for (x0, y0), (x1, y1) in pairwise(line):
+        bottom, top = max(low, min(y0, y1)), min(high, max(y0, y1))
+        if bottom >= top:
+            continue
+        slope = (x1 - x0) / (y1 - y0)
+        for y in (bottom, top):
+            reach = max(reach, sign * (x0 + slope * (y - y0)))
+    return reach
 
 
 def _point(value: Any, name: str) -> Point:
@@ -316,6 +363,8 @@ def as_seed_sequence(
     # A SeedSequence counts the children it has spawned; a new one keeps its users pure.
     if isinstance(seed, np.random.SeedSequence):
         return np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
+    if seed is None or isinstance(seed, bool):  # numpy would draw another seed every time
+        raise ScenarioError(f"seed must be a non-negative integer, got {seed!r}.")
     try:
         return np.random.SeedSequence(seed)
     except (TypeError, ValueError) as error:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.automaton.channels import nca_layout
+from ncrs.automaton.channels import GenomeError, nca_layout
 from ncrs.automaton.growth import Growth, record_growth
 from ncrs.automaton.nca import NCA
 from ncrs_envs.body import body_measures, parse_body
@@ -37,6 +37,10 @@ class EvolvedRobot:
 
     def __post_init__(self) -> None:
         task = self.task.task
+        if np.ndim(self.genome) != 1:
+            raise GenomeError(
+                f"A robot has one genome, a vector of weights, got shape {np.shape(self.genome)}."
+            )
         nca_layout(task).check_genomes(self.genome)
         task.check_body(parse_body(self.body, self.task.grid_size))
 

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from ncrs_envs.scenario import (
+    MAX_NOISE,
     Scenario,
     ScenarioError,
+    _square_overlaps,
     sample_scenario,
     sample_scenarios,
     wall_quads,
 )
-from ncrs_envs.tasks import TASKS, TaskError, playfield
+from ncrs_envs.tasks import TASKS, TaskError, get_task, playfield
 
 SIZES = [3, 5, 9]
 DRAWS = 1500
@@ -255,3 +257,52 @@ def test_wall_quads_lie_between_the_line_and_the_outside(rng):
     last = quads[-1].tolist()
     assert last == [[66.0, right[-2][1]], [*right[-2]], [*right[-1]], [66.0, right[-1][1]]]
     assert wall_quads(Scenario(start=(0, 0), light=(1, 1)), 5).shape == (0, 4, 2)
+
+
+@pytest.mark.parametrize(
+    ("task", "changes", "message"),
+    [
+        ("light_chase", {"light": (4.0, 0.0)}, "light at .* overlaps the robot's grid"),
+        ("carry_ball", {"ball": (0.0, -48.0)}, "ball at .* overlaps the robot's grid"),
+        ("obstacle", {"start": (-58.0, -51.0)}, "A wall overlaps the robot's grid"),
+        ("obstacle", {"start": (58.0, -51.0)}, "A wall overlaps the robot's grid"),
+        ("obstacle", {"walls": (((-66.0, -66.0), (-1e4, 6.0)), ((66.0, -66.0), (5.0, 6.0)))},
+         "Points of walls must lie within -120 to 120"),
+    ],
+)  # fmt: skip
+def test_what_overlaps_the_robot_at_the_start_is_refused(task, changes, message):
+    if task == "carry_ball":
+        changes = {**changes, "start": (0.0, -51.0)}
+    scenario = dataclasses.replace(sample_scenarios(task, 0)[0], **changes)
+    with pytest.raises(ScenarioError, match=message):
+        scenario.check(get_task(task), 5)
+
+
+@pytest.mark.parametrize("size", [3, 5, 9, 15])
+@pytest.mark.parametrize("task", sorted(TASKS))
+def test_sampled_scenarios_never_overlap(task, size):
+    for scenario in sample_scenarios(task, 3, 200, size, noise=MAX_NOISE):
+        scenario.check(get_task(task), size)
+
+
+def test_walls_overlap_where_the_quads_do():
+    generator = np.random.default_rng(2)
+    agreements = {True: 0, False: 0}
+    for scenario in sample_scenarios("obstacle", 5, 100):
+        for x in generator.uniform(-60.0, 60.0, 5):
+            moved = dataclasses.replace(scenario, start=(float(x), -51.0))
+            expected = _square_overlaps(moved.start, 5.0, wall_quads(moved, 5))
+            try:
+                moved.check(get_task("obstacle"), 5)
+                found = False
+            except ScenarioError:
+                found = True
+            assert found == expected, moved
+            agreements[found] += 1
+    assert min(agreements.values()) > 20
+
+
+@pytest.mark.parametrize("seed", [None, True, 1.5, "x", -1])
+def test_seeds_that_would_not_repeat_are_refused(seed):
+    with pytest.raises(ScenarioError, match="seed must be a non-negative integer"):
+        sample_scenarios("light_chase", seed)

@@ -105,7 +105,10 @@ class Optimizer(ABC):
         """
         if self._asked is None:
             raise OptimizerError("tell() was called before ask(): no population is pending.")
-        values = np.asarray(fitness, dtype=np.float64)
+        given = np.asarray(fitness)
+        if given.dtype.kind not in "fiub":
+            raise OptimizerError(f"Fitness must be real numbers, got dtype {given.dtype}.")
+        values = given.astype(np.float64)
         if values.shape != (len(self._asked),):
             raise OptimizerError(
                 f"tell() needs {len(self._asked)} fitness values, one per genome asked for, "
