@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable
 from dataclasses import fields, is_dataclass
 from numbers import Integral, Real
@@ -35,7 +36,17 @@ def check_types(record: Any, error: type[NCRSError]) -> None:
             expected = _KINDS.get(kind) or f"one of the {kind.__name__}"
             raise error(f"{item.name} must be {expected}, got {value!r}.")
         if kind in (int, float):
-            setattr(record, item.name, kind(value))
+            setattr(record, item.name, _plain(item.name, value, kind, error))
+
+
+def _plain(name: str, value: Any, kind: type, error: type[NCRSError]) -> Any:
+    try:
+        plain = kind(value)
+    except OverflowError:  # an integer beyond all floats
+        plain = math.inf
+    if kind is float and not math.isfinite(plain):
+        raise error(f"{name} must be finite, got {value!r:.40}.")
+    return plain
 
 
 def _is_of(value: Any, kind: type) -> bool:

@@ -7,6 +7,7 @@ of the published runs.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
@@ -210,7 +211,7 @@ def get_task(task: str | Task) -> Task:
     """
     if isinstance(task, Task):
         return task
-    if task not in TASKS:
+    if not isinstance(task, str) or task not in TASKS:
         raise TaskError(f"Unknown task {task!r}; choose one of {sorted(TASKS)}.")
     return TASKS[task]
 
@@ -239,8 +240,7 @@ def check_success_radius(radius: Any, task: Task) -> float:
     if (
         isinstance(radius, bool)
         or not isinstance(radius, int | float | np.number)
-        or not math.isfinite(radius)
-        or radius <= 0
+        or not 0 < radius <= sys.float_info.max
     ):
         raise TaskError(f"success_radius must be a positive finite number, got {radius!r}.")
     return float(radius)

@@ -199,6 +199,10 @@ def config_from_dict(values: Mapping[str, Any]) -> TrainConfig:
     Raises:
         ConfigError: If a setting is unknown, or a record refuses it.
     """
+    _check_mapping(values, "The settings")
+    for group in ("task", "engine", "optimizer"):
+        if group in values:
+            _check_mapping(values[group], group)
     arguments = dict(values)
     try:
         if "task" in values:
@@ -207,7 +211,7 @@ def config_from_dict(values: Mapping[str, Any]) -> TrainConfig:
             arguments["engine"] = _record(EngineSettings, values["engine"], "engine.")
         if "optimizer" in values:
             name = values["optimizer"].get("name", SepCMAESSettings.name)
-            if name not in OPTIMIZERS:
+            if not isinstance(name, str) or name not in OPTIMIZERS:
                 raise ConfigError(
                     f"Unknown optimizer {name!r}; choose one of {', '.join(OPTIMIZERS)}."
                 )
@@ -218,6 +222,11 @@ def config_from_dict(values: Mapping[str, Any]) -> TrainConfig:
         raise
     except NCRSError as error:
         raise ConfigError(str(error)) from error
+
+
+def _check_mapping(values: Any, what: str) -> None:
+    if not isinstance(values, Mapping) or not all(isinstance(name, str) for name in values):
+        raise ConfigError(f"{what} must be names with values, got {values!r:.80}.")
 
 
 def _record(record: type[_Record], values: Mapping[str, Any], prefix: str = "") -> _Record:
@@ -307,7 +316,12 @@ def load_config(run_dir: Path) -> TrainConfig:
     if not path.is_file():
         raise ConfigError(f"{run_dir} holds no run: there is no {SETTINGS_FILE} in it.")
     try:
-        values = json.loads(path.read_text())
-    except ValueError as error:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path} is not valid JSON: {error}.") from error
-    return config_from_dict(values)
+    except OSError as error:
+        raise ConfigError(f"Could not read {path}: {error.strerror or error}.") from error
+    try:
+        return config_from_dict(values)
+    except ConfigError as error:
+        raise ConfigError(f"{path} does not hold the settings of a run: {error}") from error

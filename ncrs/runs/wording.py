@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -13,6 +15,18 @@ def duration(seconds: float) -> str:
     if hours:
         return f"{hours} h {minutes} min"
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+def override(name: str, value: object) -> str:
+    """Format a setting for the shell, so that Hydra reads the value as it is.
+
+    Folders of sweeps have commas and equals signs in their names, others spaces.
+    """
+    text = str(value)
+    if not re.fullmatch(r"[\w./:+-]+", text, re.ASCII):
+        escaped = text.replace("'", "\\'")
+        text = f"'{escaped}'"
+    return shlex.quote(f"{name}={text}")
 
 
 def train_command() -> str:

@@ -12,6 +12,7 @@ from ncrs.runs.checkpoint import CHECKPOINT_FOLDER, CheckpointError, CheckpointF
 from ncrs.runs.elites import ARCHIVE_FILE
 from ncrs.runs.lock import RunError
 from ncrs.runs.settings import TrainConfig, check_same_settings, lasting_settings
+from ncrs.runs.wording import override
 from ncrs.training.search import Search
 from ncrs.training.selection import ChampionSelection
 from ncrs.training.state import RunState
@@ -27,8 +28,8 @@ def check_new_run(folder: Path) -> None:
     """Raise ``RunError`` if a folder holds a run, which a new one must not overwrite."""
     if holds_run(folder):
         raise RunError(
-            f"{folder} already holds a run; continue it with resume={folder}, or use another "
-            "folder."
+            f"{folder} already holds a run; continue it with {override('resume', folder)}, or use "
+            "another folder."
         )
 
 

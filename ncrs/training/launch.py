@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 import shutil
 import sys
 from collections.abc import Callable, Sequence
@@ -14,11 +16,12 @@ from omegaconf import DictConfig, OmegaConf
 
 from ncrs.runs.failure import refused_folders
 from ncrs.runs.resources import resource_folder
-from ncrs.runs.wording import program_name, train_command
+from ncrs.runs.wording import override, program_name, train_command
 from ncrs.training.arguments import Sweep, check_arguments
-from ncrs.training.hydra import CONFIG_NAME, HYDRA_VERSION, register
+from ncrs.training.hydra import CONFIG_NAME, HYDRA_VERSION, errors_of_hydra, register
 from ncrs_envs.errors import NCRSError
 
+_FULL_ERROR = "HYDRA_FULL_ERROR"
 _INTERRUPTED = 130
 """The shell's code for a process that Ctrl-C ended."""
 _started: list[Path] = []
@@ -68,15 +71,29 @@ def launch(arguments: Sequence[str]) -> None:
     except NCRSError as error:
         print(f"{program_name()}: {error}", file=sys.stderr)
         raise SystemExit(2) from error
+    except OSError as error:
+        place = error.filename or "the folder of the run"
+        print(
+            f"{program_name()}: Could not write {place}: {error.strerror or error}. Use another "
+            "folder, or change permissions.",
+            file=sys.stderr,
+        )
+        raise SystemExit(2) from error
 
 
 def _run(main: Callable[[], Any], arguments: Sequence[str]) -> None:
-    previous = sys.argv
+    previous, shown = sys.argv, os.environ.get(_FULL_ERROR)
     sys.argv = [previous[0], *arguments]
+    os.environ[_FULL_ERROR] = "1"  # else Hydra prints a traceback of its own, and exits
     try:
-        main()
+        with errors_of_hydra():
+            main()
     finally:
         sys.argv = previous
+        if shown is None:
+            del os.environ[_FULL_ERROR]
+        else:
+            os.environ[_FULL_ERROR] = shown
 
 
 def _run_sweep(main: Callable[[], Any], arguments: Sequence[str], sweep: Sweep) -> None:
@@ -97,7 +114,8 @@ def _run_sweep(main: Callable[[], Any], arguments: Sequence[str], sweep: Sweep) 
     complete = _report(folder, sweep.jobs)
     if code or not complete:
         rest = [word for word in arguments if not word.startswith("hydra.sweep.dir=")]
-        command = " ".join([train_command(), *rest, f"hydra.sweep.dir={folder}"])
+        words = [*map(shlex.quote, rest), override("hydra.sweep.dir", folder)]
+        command = " ".join([train_command(), *words])
         print(f"To resume the unfinished runs and repeat the failed ones:\n  {command}")
         raise SystemExit(code or 1)
 

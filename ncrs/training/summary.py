@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 from pathlib import Path
 
 from ncrs.runs.assessment import REFERENCE_ENGINE, Assessment
 from ncrs.runs.champion import Champion
 from ncrs.runs.settings import TrainConfig
-from ncrs.runs.wording import duration, train_command
+from ncrs.runs.wording import duration, override, train_command
 from ncrs.training.state import TrainingResult
 from ncrs_envs.body import body_to_characters
 
@@ -30,7 +31,7 @@ def stopped_lines(result: TrainingResult, stopped_by: signal.Signals) -> list[st
     """Summarise a run that a signal ended."""
     return [
         f"Stopped by {stopped_by.name} after {_effort(result)}. All is saved; continue with:",
-        f"  {train_command()} resume={result.run_dir}",
+        f"  {train_command()} {override('resume', result.run_dir)}",
     ]
 
 
@@ -63,15 +64,16 @@ def finished_lines(
         "wheels and cells"
     )
     longer = 2 * config.generations
+    quoted = shlex.quote(str(result.run_dir))
     return [
         *lines,
         "",
         f"Everything is in {result.run_dir}",
         "Next:",
-        f"  ncrs render {result.run_dir}",
-        f"  ncrs evaluate {result.run_dir}",
-        f"  {train_command()} resume={result.run_dir} generations={longer}",
-        f"  tensorboard --logdir {result.run_dir.parent}",
+        f"  ncrs render {quoted}",
+        f"  ncrs evaluate {quoted}",
+        f"  {train_command()} {override('resume', result.run_dir)} generations={longer}",
+        f"  tensorboard --logdir {shlex.quote(str(result.run_dir.parent))}",
     ]
 
 

@@ -1,5 +1,7 @@
 """Settings: names, ranges and their file."""
 
+import copy
+import json
 from dataclasses import asdict
 
 import pytest
@@ -98,4 +100,43 @@ def test_a_folder_without_a_run(tmp_path):
         load_config(tmp_path)
     (tmp_path / "config.json").write_text("{")
     with pytest.raises(ConfigError, match="not valid JSON"):
+        load_config(tmp_path)
+
+
+MUTATIONS = [
+    None, True, -1, 0, 1.5, 10**400, float("nan"), float("inf"), "", "text", [], {}, [1], {"a": 1},
+]  # fmt: skip
+
+
+def _places(values, prefix=()):
+    yield prefix
+    if isinstance(values, dict):
+        for name, value in values.items():
+            yield from _places(value, (*prefix, name))
+
+
+@pytest.mark.parametrize("optimizer", ["sep_cma_es", "cma_mae"])
+def test_any_mutation_of_a_stored_setting_loads_or_is_refused_clearly(optimizer, tmp_path):
+    whole = asdict(TrainConfig(optimizer=OPTIMIZERS[optimizer].settings()))
+    del whole["resume"]
+    refused = 0
+    for place in _places(whole):
+        for mutation in MUTATIONS:
+            values = copy.deepcopy({"": whole})
+            owner = values
+            for name in ("", *place)[:-1]:
+                owner = owner[name]
+            owner[("", *place)[-1]] = mutation
+            (tmp_path / "config.json").write_text(json.dumps(values[""]))
+            try:
+                assert isinstance(load_config(tmp_path), TrainConfig)
+            except ConfigError as error:
+                refused += str(error).startswith(f"{tmp_path / 'config.json'} does not hold")
+    assert refused > 200
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe", b"{", b"[" * 100_000, b""])
+def test_a_file_that_is_no_json_is_named(content, tmp_path):
+    (tmp_path / "config.json").write_bytes(content)
+    with pytest.raises(ConfigError, match="is not valid JSON"):
         load_config(tmp_path)

@@ -1,6 +1,9 @@
-import pytest
+import shlex
 
-from ncrs.runs.wording import duration
+import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
+
+from ncrs.runs.wording import duration, override
 
 
 @pytest.mark.parametrize(
@@ -9,3 +12,13 @@ from ncrs.runs.wording import duration
 )
 def test_durations_are_said_in_their_two_largest_units(seconds, text):
     assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(
+    "folder",
+    ["runs/a", "my runs/a", "runs/sweep/optimizer.sigma=0.1,seed=0", "it's [here]", "ünï", "$HOME"],
+)
+def test_the_printed_resume_is_read_as_it_is(folder):
+    (word,) = shlex.split(override("resume", folder))
+    (parsed,) = OverridesParser.create().parse_overrides([word])
+    assert (parsed.key_or_group, parsed.value()) == ("resume", folder)

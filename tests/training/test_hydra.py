@@ -273,3 +273,23 @@ def test_a_resumed_run_keeps_its_settings(composed, tmp_path):
             check_arguments([resume, argument], CONF)
     with pytest.raises(ConfigError, match="resume continues one run"):
         check_arguments(["-m", resume], CONF)
+
+
+@pytest.mark.parametrize("name", ["file/run", "n" * 300])
+def test_a_folder_that_cannot_be_made_is_one_sentence(name, launched, tmp_path):
+    (tmp_path / "file").write_text("")
+    done = launched(f"hydra.run.dir={tmp_path}/{name}", "generations=1")
+    assert done.returncode == 2
+    assert done.stderr.startswith("train.py: Could not write")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_refused_second_run_leaves_the_firsts_record(launched, tmp_path):
+    tiny = ["generations=1", "optimizer.population=16", "episodes=2", "optimizer.sigma=1e-6"]
+    assert launched(f"hydra.run.dir={tmp_path}", *tiny).returncode == 0
+    record = {path: path.read_bytes() for path in (tmp_path / ".hydra").iterdir()}
+    assert len(record) == 3
+    again = launched(f"hydra.run.dir={tmp_path}", *tiny, "seed=3")
+    assert again.returncode == 2
+    assert "already holds a run; continue it with resume=" in again.stderr
+    assert {path: path.read_bytes() for path in (tmp_path / ".hydra").iterdir()} == record
