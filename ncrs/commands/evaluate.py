@@ -15,7 +15,13 @@ from ncrs.commands import (
     print_saved,
 )
 from ncrs.engines.base import ENGINES
-from ncrs.runs.assessment import EPISODES, REFERENCE_ENGINE, assess, save_assessment
+from ncrs.runs.assessment import (
+    ASSESSMENT_FILE,
+    EPISODES,
+    REFERENCE_ENGINE,
+    assess,
+    save_assessment,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> None:
     robot = given_robot(options)
     result = assess(robot, episodes=options.episodes, seed=options.seed, engine=options.engine)
-    path = save_assessment(result, output_folder(options, options.robot))
+    name = ASSESSMENT_FILE
+    if options.measures is not None:  # an elite's test must not pass for the champion's
+        name = f"evaluation_{'-'.join(map(str, options.measures))}.json"
+    path = save_assessment(result, output_folder(options, options.robot), name)
     print(f"{describe(robot)}, {options.episodes} fresh episodes on {options.engine}:")
     print("\n".join("  " + line for line in result.lines()))
     print_saved([path])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.resources import files
@@ -127,7 +128,7 @@ def build_report(
         raise ReportError(f"{run_dir} has no champion yet; record all elites, or train for longer.")
     target = run_dir / REPORT_FOLDER if folder is None else Path(folder)
     subject = _Subject(run_dir.resolve().name, config, robots, load_curves(run_dir))
-    return _write_report(subject, target, options, progress)
+    return _write_report(subject, Path(os.path.abspath(target)), options, progress)
 
 
 def build_robot_report(
@@ -149,7 +150,7 @@ def build_robot_report(
     if isinstance(robot, PublishedChampion):
         config = config_from_dict(robot.card["config"])
     subject = _Subject(robot.title, config, lone_robot(robot), {}, is_run=False)
-    return _write_report(subject, Path(folder), options or ReportOptions(), None)
+    return _write_report(subject, Path(os.path.abspath(folder)), options or ReportOptions(), None)
 
 
 def _write_report(
@@ -158,6 +159,11 @@ def _write_report(
     options: ReportOptions,
     progress: Callable[[int, int], None] | None,
 ) -> Report:
+    if subject.robots.task.task.needs_box2d:
+        raise ReportError(
+            f"{subject.robots.task.name} has its own reward or condition of success, which a "
+            "report cannot show; use ncrs film or ncrs render."
+        )
     check_folder(target)  # before robots are recorded, which takes long
     robots, curves = subject.robots, subject.curves
     settings = robots.task

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -69,6 +70,8 @@ class Assessment:
     """Episodes that crossed; None outside Obstacle."""
     body: str
     """The body as rows of characters."""
+    genome: str = ""
+    """Digest of the genome that was tested, see ``genome_digest``."""
 
     def fitness_interval(self) -> tuple[float, float]:
         """Compute the 95 % interval of the mean fitness."""
@@ -129,33 +132,46 @@ def assess(
         success=Proportion.of(int(result.success[0].sum()), episodes),
         crossed=crossed if settings.task.has_walls else None,
         body=body_to_characters(result.bodies[0]),
+        genome=genome_digest(robot),
     )
 
 
-def save_assessment(assessment: Assessment, folder: Path) -> Path:
+def genome_digest(robot: EvolvedRobot) -> str:
+    """Return a digest of a robot's genome, by which a test is known to be of it."""
+    return hashlib.sha256(np.ascontiguousarray(robot.genome).tobytes()).hexdigest()[:16]
+
+
+def save_assessment(assessment: Assessment, folder: Path, name: str = ASSESSMENT_FILE) -> Path:
     """Write the result of a test into a folder and return the file's path.
 
     Raises:
         CheckpointError: If it cannot be written.
     """
-    path = folder / ASSESSMENT_FILE
+    path = folder / name
     write_json(path, assessment.as_json())
     return path
 
 
-def find_assessment(folder: Path) -> Assessment | None:
-    """Read the result of the last test in a folder; None if there is none.
+def find_assessment(folder: Path, robot: EvolvedRobot | None) -> Assessment | None:
+    """Read the result of a robot's test in a folder.
+
+    Args:
+        folder: Folder of a run.
+        robot: Robot whose test is wanted; None without one.
+
+    Returns:
+        The test; None if there is none, or it is of another robot or not on the reference engine.
 
     Raises:
         CheckpointError: If the file holds something else.
     """
     path = folder / ASSESSMENT_FILE
-    if not path.is_file():
+    if robot is None or not path.is_file():
         return None
     try:
         values: Mapping[str, Any] = json.loads(path.read_text())
         success, crossed = values["success"], values["crossed"]
-        return Assessment(
+        found = Assessment(
             **{
                 **values,
                 "success": Proportion.of(success["count"], success["episodes"]),
@@ -167,3 +183,5 @@ def find_assessment(folder: Path) -> Assessment | None:
             f"{path} does not hold the result of a test: {error}. Write it again "
             "with ncrs evaluate."
         ) from error
+    is_its_own = found.genome == genome_digest(robot) and found.engine == REFERENCE_ENGINE
+    return found if is_its_own else None

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ncrs.runs.checkpoint import write_json, writing
-from ncrs.runs.settings import SETTINGS_FILE
 
 FAILURE_FILE = "failed.json"
+REFUSAL_FILE = "refused.json"
+HYDRA_FOLDER = ".hydra"
 
 
 def save_failure(folder: Path, error: str, overrides: Sequence[str], traceback: str | None) -> None:
@@ -51,7 +52,36 @@ def failure_of(folder: Path) -> str | None:
         return f"{path} cannot be read"
 
 
-def refused_folders(sweep: Path) -> list[Path]:
-    """List the folders of jobs that were refused: they hold the record of it, and no run."""
-    failed = (record.parent for record in sweep.glob(f"*/{FAILURE_FILE}"))
-    return [folder for folder in failed if not (folder / SETTINGS_FILE).is_file()]
+def save_refusal(folder: Path, error: str) -> None:
+    """Record that a sweep refused to touch the run in a folder, which is not the run's failure.
+
+    Raises:
+        CheckpointError: If the file cannot be written.
+    """
+    write_json(folder / REFUSAL_FILE, {"error": error})
+
+
+def refusals(sweep: Path) -> list[Path]:
+    """List the records of what a sweep refused."""
+    return sorted(sweep.glob(f"*/{REFUSAL_FILE}"))
+
+
+def clear_refusals(sweep: Path) -> None:
+    """Remove what an earlier start of a sweep left of refused jobs: records, and empty folders.
+
+    Raises:
+        CheckpointError: If a file cannot be removed.
+    """
+    with writing(sweep):
+        for record in refusals(sweep):
+            record.unlink()
+        for record in sorted(sweep.glob(f"*/{FAILURE_FILE}")):
+            folder = record.parent
+            names = {path.name for path in folder.iterdir()}
+            if names <= {FAILURE_FILE, HYDRA_FOLDER}:
+                record.unlink()
+                for file in (folder / HYDRA_FOLDER).glob("*.yaml"):
+                    file.unlink()
+                if (folder / HYDRA_FOLDER).is_dir():
+                    (folder / HYDRA_FOLDER).rmdir()
+                folder.rmdir()

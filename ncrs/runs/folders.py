@@ -50,7 +50,8 @@ class Run:
 
     def settings(self) -> dict[str, Any]:
         """Return the settings that decide the run's course, by dotted name."""
-        return flat_settings(lasting_settings(self.config))
+        settings = flat_settings(lasting_settings(self.config))
+        return {**settings, "generations": self.config.generations}
 
     def champion(self) -> Champion | None:
         """Load the champion; None if the run has none yet."""

@@ -18,6 +18,10 @@ class RunError(NCRSError, RuntimeError):
     """A run that cannot be started or continued in the folder given."""
 
 
+class RunIsLockedError(RunError):
+    """A run that another process is writing."""
+
+
 @contextmanager
 def locked(run_dir: Path) -> Iterator[None]:
     """Lock a run's folder, made if missing, against other processes.
@@ -32,7 +36,7 @@ def locked(run_dir: Path) -> Iterator[None]:
         try:
             lock.acquire(timeout=0)
         except Timeout as error:
-            raise RunError(
+            raise RunIsLockedError(
                 f"Another process is writing to {run_dir}; wait for it, or use another folder."
             ) from error
     try:

@@ -241,11 +241,12 @@ def collect_results(paths: Sequence[Path]) -> Results:
         ConfigError: If a path is not a folder or holds no run, or a run's settings are damaged.
         CheckpointError: If a champion or the result of a test is damaged.
     """
-    rows = [
-        _result(folder, path)
-        for path in paths
-        for folder in find_folders([path], (SETTINGS_FILE, FAILURE_FILE))
-    ]
+    found: dict[Path, Path] = {}  # each folder once, with the path that it was given in
+    for path in paths:
+        for folder in find_folders([path], (SETTINGS_FILE, FAILURE_FILE)):
+            if folder.resolve() not in {other.resolve() for other in found}:
+                found[folder] = path
+    rows = [_result(folder, path) for folder, path in found.items()]
     runs = [row.run for row in rows if row.run is not None]
     scores = {row.run.folder: row.scores for row in rows if row.run is not None and row.is_scored}
     groups = []
@@ -270,7 +271,7 @@ def _result(folder: Path, given: Path) -> RunResult:
         generations=generations_done(folder / CHECKPOINT_FOLDER),
         failure=failure_of(folder),
         champion_fitness=None if champion is None else champion.fitness,
-        assessment=find_assessment(folder),
+        assessment=find_assessment(folder, champion),
     )
 
 

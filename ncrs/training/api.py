@@ -79,7 +79,7 @@ def train(
         config=config,
         champion=result.champion,
         archive=load_archive(folder),
-        curves=read_metrics(folder),
+        curves=read_metrics(folder) if result.state.generation else {},
         finished=result.state.generation == config.generations,
     )
 

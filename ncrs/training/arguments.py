@@ -72,7 +72,8 @@ def check_arguments(arguments: Sequence[str], folder: Path) -> Sweep | None:
 def _search_path(given: argparse.Namespace) -> list[str]:
     if given.config_dir is None:
         return []
-    return [f"hydra.searchpath=[{Path(given.config_dir).absolute().as_uri()}]"]
+    folder = str(Path(given.config_dir).absolute()).replace("'", "\\'")
+    return [f"hydra.searchpath=['file://{folder}']"]
 
 
 def _check_run(name: str, overrides: Sequence[str]) -> None:
@@ -93,11 +94,11 @@ def _check_sweep(name: str, overrides: Sequence[str]) -> Sweep:
             "resumes all its runs."
         )
     fixed = [override for override in parsed if not override.is_sweep_override()]
-    common = [override.input_line or "" for override in fixed]
-    hydra = compose(name, common, return_hydra_config=True).hydra
+    first = [*(override.input_line or "" for override in fixed), *_first_choices(parsed)]
+    hydra = compose(name, first, return_hydra_config=True).hydra
     grid = hydra.sweeper["_target_"] == BASIC_SWEEPER
-    # What another sweeper will choose is not known: the common settings are checked.
-    jobs = _jobs_of_grid(parsed) if grid else [common]
+    # What another sweeper will choose is not known: its first choices are checked.
+    jobs = _jobs_of_grid(parsed) if grid else [first]
     refused: list[NCRSError | HydraException] = []
     for job in jobs[:_MOST_CHECKED_JOBS]:
         try:
@@ -114,6 +115,16 @@ def _check_sweep(name: str, overrides: Sequence[str]) -> Sweep:
         refused=[str(error) for error in refused],
         overrides=[f"{_NAMED_KEYS}=[{','.join(exclude)}]"] if exclude else [],
     )
+
+
+def _first_choices(overrides: list[Override]) -> list[str]:
+    """Choose the first value of each setting that is swept over a list."""
+    swept = [override for override in overrides if override.is_sweep_override()]
+    return [
+        f"{override.get_key_element()}={next(iter(override.sweep_string_iterator()))}"
+        for override in swept
+        if override.is_discrete_sweep()
+    ]
 
 
 def _jobs_of_grid(overrides: list[Override]) -> list[list[str]]:

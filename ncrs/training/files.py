@@ -77,8 +77,12 @@ class RunFiles:
         now = perf_counter()
         state.seconds += now - self._saved_at
         self._saved_at = now
+        # Before the checkpoint: a run that ends with it never comes back to these.
+        self._save_results()
         # In the background: a checkpoint with a full covariance is large.
         self._checkpoints.save_in_background(state.generation, self._checkpoint(state))
+
+    def _save_results(self) -> None:
         if self._selection.champion is not None:
             self._selection.champion.save(self._run_dir / CHAMPION_FILE)
         self._search.elites.save(self._run_dir / ARCHIVE_FILE)
@@ -106,6 +110,7 @@ class RunFiles:
         check_same_settings(checkpoint["settings"], self._own_settings())
         self._search.load_state(checkpoint["search"])
         self._selection.load_state(checkpoint["selection"])
+        self._save_results()
         return RunState.from_state(checkpoint["run"])
 
     def wait(self) -> None:

@@ -115,10 +115,11 @@ def errors_of_hydra() -> Iterator[None]:
     except NCRSError:
         raise
     except (HydraException, OmegaConfBaseException, ValueError) as error:
-        raise _config_error(error) from error
+        raise config_error(error) from error
 
 
-def _config_error(error: Exception) -> ConfigError:
+def config_error(error: Exception) -> ConfigError:
+    """Turn an error of Hydra or OmegaConf into one or two sentences."""
     if isinstance(error, OverrideParseException):
         return ConfigError(f"Cannot read the setting {error.override!r}: {_first_line(error)}.")
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:

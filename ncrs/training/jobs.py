@@ -18,7 +18,8 @@ from omegaconf import DictConfig
 from ncrs.runs.assessment import Assessment, assess, find_assessment, save_assessment
 from ncrs.runs.champion import Champion, find_champion
 from ncrs.runs.checkpoint import CHECKPOINT_FOLDER, generations_done
-from ncrs.runs.failure import clear_failure, save_failure
+from ncrs.runs.failure import clear_failure, save_failure, save_refusal
+from ncrs.runs.lock import RunIsLockedError
 from ncrs.runs.settings import (
     ConfigError,
     TrainConfig,
@@ -38,6 +39,10 @@ from ncrs_envs.errors import NCRSError
 
 NO_CHAMPION = 0.0
 """Result for a sweeper of a run without a champion: no body was valid."""
+
+
+class _ForeignRunError(ConfigError):
+    """A job whose folder holds a run with other settings."""
 
 
 def run_job(composed: DictConfig) -> float:
@@ -112,11 +117,14 @@ def _run_job_of_sweep(composed: DictConfig, folder: Path) -> float:
     hydra = HydraConfig.get()
     overrides = list(hydra.overrides.task)
     try:
-        clear_failure(folder)
         champion = _continued(train_config(composed, overrides), folder)
+        clear_failure(folder)
     except Exception as error:
-        expected = isinstance(error, NCRSError)
-        save_failure(folder, str(error), overrides, None if expected else traceback.format_exc())
+        if isinstance(error, _ForeignRunError | RunIsLockedError):
+            save_refusal(folder, str(error))
+        else:
+            trace = None if isinstance(error, NCRSError) else traceback.format_exc()
+            save_failure(folder, str(error), overrides, trace)
         print(f"{folder.name} failed: {error}", file=sys.stderr, flush=True)
         if hydra.sweeper["_target_"] != BASIC_SWEEPER:
             raise
@@ -130,11 +138,12 @@ def _continued(config: TrainConfig, folder: Path) -> Champion | None:
         try:
             check_same_settings(lasting_settings(load_config(folder)), lasting_settings(config))
         except ConfigError as error:
-            raise ConfigError(
+            raise _ForeignRunError(
                 f"{folder} holds another run. {error} Use another hydra.sweep.dir."
             ) from error
         if generations_done(folder / CHECKPOINT_FOLDER) == config.generations:
-            champion, assessment = find_champion(folder), find_assessment(folder)
+            champion = find_champion(folder)
+            assessment = find_assessment(folder, champion)
             if champion is None or assessment is not None:
                 print(f"Finished before: {job_line(folder, champion, assessment)}", flush=True)
                 return champion

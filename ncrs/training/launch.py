@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import os
 import shlex
-import shutil
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import hydra
+from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
-from ncrs.runs.failure import refused_folders
+from ncrs.runs.failure import clear_refusals, refusals
 from ncrs.runs.resources import resource_folder
+from ncrs.runs.settings import ConfigError
 from ncrs.runs.wording import override, program_name, train_command
 from ncrs.training.arguments import Sweep, check_arguments
-from ncrs.training.hydra import CONFIG_NAME, HYDRA_VERSION, errors_of_hydra, register
+from ncrs.training.hydra import CONFIG_NAME, HYDRA_VERSION, config_error, register
 from ncrs_envs.errors import NCRSError
 
 _FULL_ERROR = "HYDRA_FULL_ERROR"
@@ -36,11 +38,10 @@ class SweepCallback(Callback):
         folder = Path(str(config.hydra.sweep.dir))
         folder.mkdir(parents=True, exist_ok=True)
         _started.append(folder)
-        for job in refused_folders(folder):
-            shutil.rmtree(job)  # it is refused again, or is no longer asked for
+        clear_refusals(folder)
         storage = OmegaConf.select(config, "hydra.sweeper.storage")
         study = folder / "study.db"
-        if storage == f"sqlite:///{study}" and study.exists():
+        if storage == f"sqlite:///{config.hydra.sweep.dir}/study.db" and study.exists():
             # The runs are the record: finished ones return their results at once, so that the same
             # sampler proposes the same trials again, and goes on from there.
             study.replace(study.with_name("study.previous.db"))
@@ -86,8 +87,10 @@ def _run(main: Callable[[], Any], arguments: Sequence[str]) -> None:
     sys.argv = [previous[0], *arguments]
     os.environ[_FULL_ERROR] = "1"  # else Hydra prints a traceback of its own, and exits
     try:
-        with errors_of_hydra():
+        try:
             main()
+        except (HydraException, OmegaConfBaseException) as error:
+            raise config_error(error) from error
     finally:
         sys.argv = previous
         if shown is None:
@@ -108,6 +111,11 @@ def _run_sweep(main: Callable[[], Any], arguments: Sequence[str], sweep: Sweep) 
         code = _INTERRUPTED
     except SystemExit as error:
         code = error.code
+    except NCRSError:
+        raise
+    except Exception as error:  # a launcher's or a sweeper's own, such as a missing SLURM
+        print(f"{program_name()}: the sweep ended early: {error}", file=sys.stderr)
+        code = 1
     if not _started:
         raise SystemExit(code)
     folder = _started[0]
@@ -122,9 +130,12 @@ def _run_sweep(main: Callable[[], Any], arguments: Sequence[str], sweep: Sweep) 
 
 def _report(folder: Path, jobs: int | None) -> bool:
     """Print and save the table of a sweep; return True if each of its jobs has finished."""
-    from ncrs.runs.results import collect_results, save_results
+    from ncrs.runs.results import Results, collect_results, save_results
 
-    results = collect_results([folder])
+    try:
+        results = collect_results([folder])
+    except ConfigError:  # no job has written anything yet
+        results = Results((), (), ())
     print()
     print("\n".join(results.lines()))
     missing = 0 if jobs is None else max(0, jobs - len(results.rows))
@@ -133,4 +144,4 @@ def _report(folder: Path, jobs: int | None) -> bool:
     paths = save_results(results, folder) if results.rows else []
     for path in paths:
         print(f"Saved {path}")
-    return missing == 0 and results.complete
+    return missing == 0 and results.complete and not refusals(folder)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+import numpy as np
+
 from ncrs.training.generation import Generation
 from ncrs.training.signals import StopRequest
 
@@ -23,7 +25,10 @@ class Watch(NamedTuple):
         self, generation: Generation, metrics: Mapping[str, float], stop: StopRequest
     ) -> None:
         """Show one generation to the callback, and pass on its wish to stop."""
-        if self.callback is not None and self.callback(generation, metrics) is True:
+        if self.callback is None:
+            return
+        answer = self.callback(generation, metrics)
+        if isinstance(answer, bool | np.bool_) and answer:
             stop.ask()
 
 

@@ -25,6 +25,7 @@ COMMANDS = {
     "archive pyribs": ["--export", "pyribs"],
     "archive reestimate": ["--reestimate", "--episodes", "1"],
 }
+SLOW = ("film gif", "figures", "archive pyribs", "archive reestimate")
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,10 @@ def files_of_at_most(size):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits are of POSIX")
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in COMMANDS],
+)
 def test_old_files_stay_and_nothing_else_is_left(name, run, tmp_path, capsys):
     if "pyribs" in name:
         pytest.importorskip("ribs")

@@ -6,9 +6,16 @@ import json
 import numpy as np
 import pytest
 
+import ncrs
 from ncrs.cli import main
 from ncrs.evolution.optimizers import SepCMAESSettings
-from ncrs.runs.assessment import Assessment, Proportion, find_assessment, save_assessment
+from ncrs.runs.assessment import (
+    Assessment,
+    Proportion,
+    find_assessment,
+    genome_digest,
+    save_assessment,
+)
 from ncrs.runs.checkpoint import CheckpointError, CheckpointFolder
 from ncrs.runs.failure import save_failure
 from ncrs.runs.folders import find_runs, group_runs
@@ -17,15 +24,18 @@ from ncrs.runs.settings import ConfigError, TrainConfig, save_config
 from ncrs.runs.statistics import bootstrap_interval, interquartile_mean
 
 
-def make_run(folder, *, fitness=0.5, successes=50, done=10, sigma=0.03, seed=0):
+def make_run(folder, *, fitness=0.5, successes=50, done=10, generations=10, **varied):
+    sigma, seed = varied.get("sigma", 0.03), varied.get("seed", 0)
     folder.mkdir(parents=True)
-    config = TrainConfig(optimizer=SepCMAESSettings(sigma=sigma), seed=seed, generations=10)
+    optimizer = SepCMAESSettings(sigma=sigma)
+    config = TrainConfig(optimizer=optimizer, seed=seed, generations=generations)
     save_config(config.resolved(), folder)
     CheckpointFolder(folder / "checkpoints").save(done, {})
     if fitness is not None:
-        success = Proportion.of(successes, 100)
-        body = "L#L\nW#W\nW#W"
-        test = Assessment("light_chase", "box2d", 0, fitness, 0.01, success, None, body)
+        champion = ncrs.load_champion("light_chase/best")
+        champion.save(folder / "champion.npz")
+        success, digest = Proportion.of(successes, 100), genome_digest(champion)
+        test = Assessment("light_chase", "box2d", 0, fitness, 0.01, success, None, "", digest)
         save_assessment(test, folder)
 
 
@@ -103,7 +113,24 @@ def test_three_step_sizes_of_one_seed_are_not_three_seeds(tmp_path):
 def test_a_damaged_test_result_is_named(tmp_path):
     (tmp_path / "evaluation.json").write_text("[]")
     with pytest.raises(CheckpointError, match="Write it again with ncrs evaluate"):
-        find_assessment(tmp_path)
+        find_assessment(tmp_path, ncrs.load_champion("light_chase/best"))
+
+
+def test_another_robots_test_is_not_the_champions(tmp_path):
+    make_run(tmp_path / "run")
+    champion = ncrs.load_champion("light_chase/best")
+    assert find_assessment(tmp_path / "run", champion).fitness == 0.5
+    assert find_assessment(tmp_path / "run", ncrs.load_champion("light_chase/cma_es")) is None
+    assert find_assessment(tmp_path / "run", None) is None
+
+
+def test_runs_of_another_length_are_another_group_and_each_counts_once(tmp_path):
+    make_run(tmp_path / "a")
+    make_run(tmp_path / "b", generations=5, done=5)
+    results = collect_results([tmp_path, tmp_path / "a"])
+    assert [row.name for row in results.rows] == ["a", "b"]
+    assert results.differing == ["generations"]
+    assert [group.seeds for group in results.groups] == [1, 1]
 
 
 def test_statistics_by_hand():

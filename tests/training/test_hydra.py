@@ -158,12 +158,15 @@ def test_hydras_own_settings_and_sweeps_pass():
         check_arguments(searched, CONF)
     pytest.importorskip("hydra_plugins.hydra_optuna_sweeper")
     assert check_arguments([*searched, "hydra/sweeper=ncrs_optuna"], CONF).jobs is None
+    groups = ["optimizer=choice(cma_me,cma_mae)", "optimizer.patience=3"]
+    assert check_arguments(["-m", *groups, "hydra/sweeper=ncrs_optuna"], CONF).jobs is None
 
 
 def test_experiments_of_ones_own_are_found_and_checked(tmp_path):
-    (tmp_path / "experiment").mkdir()
-    mine = tmp_path / "experiment" / "mine.yaml"
-    arguments = ["--config-dir", str(tmp_path), "experiment=mine"]
+    folder = tmp_path / "my confs"
+    (folder / "experiment").mkdir(parents=True)
+    mine = folder / "experiment" / "mine.yaml"
+    arguments = ["--config-dir", str(folder), "experiment=mine"]
     mine.write_text("# @package _global_\nseed: 3\n")
     assert check_arguments(arguments, CONF) is None
     mine.write_text("# @package _global_\nsede: 3\n")

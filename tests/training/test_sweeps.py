@@ -84,6 +84,13 @@ def test_a_sweep_goes_on_after_failures_and_skips_what_has_finished(launched, tm
     assert other.stderr.count("its episodes is 2, 4 was given") == 4
     assert other.stderr.count("Use another hydra.sweep.dir.") == 4
     assert {path: path.read_bytes() for path in kept} == kept
+    assert {run["status"] for run in table(tmp_path)["runs"]} == {"finished"}
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "failed.json").write_text("{}")
+    (tmp_path / "notes" / "thesis.txt").write_text("mine")
+    last = again_in(tmp_path, *TINY, "seed=0,1", "optimizer.parents=4")
+    assert (tmp_path / "notes" / "thesis.txt").read_text() == "mine"
+    assert last.returncode == 1  # that folder counts as a failed job
 
 
 def test_jobs_are_named_by_what_was_swept():

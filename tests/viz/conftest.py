@@ -6,7 +6,8 @@ import pytest
 
 from ncrs.evolution.optimizers import MAPElitesSettings, SepCMAESSettings
 from ncrs.runs.settings import EngineSettings, TrainConfig
-from ncrs.training.trainer import train
+from ncrs.training.trainer import Trainer, train
+from ncrs.training.watch import Watch
 
 
 def small(**changes):
@@ -30,7 +31,8 @@ def small(**changes):
 def sweep(tmp_path_factory):
     """Two seeds of one optimizer, and a run of another, in one folder."""
     folder = tmp_path_factory.mktemp("sweep")
-    train(small(), folder / "0")
+    stopped = Watch(progress=False, callback=lambda generation, _: generation.index == 1)
+    Trainer(small(generations=3), folder / "0", stopped).run()
     train(small(seed=2, generations=3), folder / "1")
     other = MAPElitesSettings(population=16)
     train(small(optimizer=other), folder / "2")
