@@ -132,7 +132,7 @@ def test_what_holds_no_robot_is_refused(run_dir, monkeypatch, source, options, e
     ("changes", "error", "message"),
     [
         ({"task": "flying"}, TaskError, "Unknown task"),
-        ({"task": ["obstacle"]}, SourceError, "holds no robot"),
+        ({"task": ["obstacle"]}, TaskError, "Unknown task"),
         ({"task": "carry_ball"}, GenomeError, "4873 weights"),
         ({"grid_size": 2}, BodyError, "grid_size must be at least 3"),
         ({"fitness": "high"}, SourceError, "must be numbers, got 'high'"),
