@@ -76,6 +76,7 @@ def package(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_an_installed_extension_trains_on_two_workers(package):
     done = train(
         package, "task=race", "optimizer=mine", "engine.workers=2", PYTHONPATH=str(package)

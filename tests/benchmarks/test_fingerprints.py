@@ -71,6 +71,7 @@ def test_the_runs_cover_every_optimizer_task_and_engine():
     assert set(REPORTED_RUNS) <= set(RUNS)
 
 
+@pytest.mark.slow
 def test_a_runs_fingerprint_is_of_its_results_not_of_its_times(tmp_path):
     small = {"generations": "1", "optimizer.population": "16", "champion_every": "1"}
     train(tmp_path, {**COMMON_OVERRIDES, **small, "start_from": "light_chase/best"})

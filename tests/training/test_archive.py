@@ -121,8 +121,8 @@ train(dataclasses.replace(load_config(Path(folder)), resume=folder), folder)
     ("name", "where", "calls"),
     [
         ("cma_me", "tell", 5),
-        ("cma_me", "checkpoint", 2),
-        ("cma_mae", "checkpoint", 1),
+        pytest.param("cma_me", "checkpoint", 2, marks=pytest.mark.slow),
+        pytest.param("cma_mae", "checkpoint", 1, marks=pytest.mark.slow),
         ("map_elites", "tell", 3),
         ("cma_es", "checkpoint", 1),
     ],
