@@ -165,14 +165,15 @@ TRAIN_LINES = [line for line in _command_lines(README) if line.startswith("pytho
 @pytest.mark.parametrize("line", [line for line in NCRS_LINES if "play" not in line])
 def test_the_readmes_ncrs_commands_run(line, folder_with_a_run):
     run = folder_with_a_run / "runs" / "RUN"
-    before = set(run.iterdir())
+    before = {path: path.stat().st_mtime_ns for path in run.iterdir()}
     printed = _call([*COMMAND, *shlex.split(line)[1:]], folder_with_a_run)
-    made = {path.name for path in set(run.iterdir()) - before}
+    made = {path.name for path in run.iterdir() if path.stat().st_mtime_ns != before.get(path)}
     assert (
         made
         == {
             "render": {"body.png", "growth_and_episodes.png", "episodes.gif"},
             "evaluate": {"evaluation.json"},
+            "results": {"results.csv", "results.json", "results.md"},
             "archive": set(),
             "report": {"report"},
             "film": {"film.mp4", "film.gif"},
