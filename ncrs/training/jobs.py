@@ -56,12 +56,13 @@ def run_job(composed: DictConfig) -> float:
             config = train_config(composed, list(hydra.overrides.task))
         if config.resume is not None:
             folder = _relative(Path(config.resume))
-        champion = _trained(config, folder)
+        result, assessment = _trained(config, folder)
     except NCRSError as error:
         # Hydra would print the traceback of an exception.
         print(f"{program_name()}: {error}", file=sys.stderr)
         raise SystemExit(2) from error
-    return NO_CHAMPION if champion is None else champion.fitness
+    print("\n".join(finished_lines(result, config, assessment)))
+    return NO_CHAMPION if result.champion is None else result.champion.fitness
 
 
 def _relative(folder: Path) -> Path:
@@ -83,13 +84,15 @@ def _no_folder_if_refused(folder: Path) -> Iterator[None]:
         raise
 
 
-def _trained(config: TrainConfig, folder: Path) -> Champion | None:
-    """Train, test the champion and report; leave the process if a signal ended the training."""
+def _trained(config: TrainConfig, folder: Path) -> tuple[TrainingResult, Assessment | None]:
+    """Train and test the champion; leave the process if a signal ended the training."""
     result = train(config, folder)
     _leave_if_stopped(result)
-    assessment = _assessed(result.champion, folder)
-    print("\n".join(finished_lines(result, config, assessment)))
-    return result.champion
+    if result.champion is None:
+        return result, None
+    assessment = assess(result.champion)
+    save_assessment(assessment, folder)
+    return result, assessment
 
 
 def _leave_if_stopped(result: TrainingResult) -> None:
@@ -99,14 +102,6 @@ def _leave_if_stopped(result: TrainingResult) -> None:
     if result.stopped_by.name in OF_SCHEDULERS:
         signal.raise_signal(result.stopped_by)  # the scheduler's handler queues the job again
     sys.exit(exit_code(result.stopped_by))
-
-
-def _assessed(champion: Champion | None, folder: Path) -> Assessment | None:
-    if champion is None:
-        return None
-    assessment = assess(champion)
-    save_assessment(assessment, folder)
-    return assessment
 
 
 def _run_job_of_sweep(composed: DictConfig, folder: Path) -> float:
@@ -148,9 +143,7 @@ def _continued(config: TrainConfig, folder: Path) -> Champion | None:
                 print(f"Finished before: {job_line(folder, champion, assessment)}", flush=True)
                 return champion
         config = replace(config, resume=str(folder))
-    result = train(_with_share_of_cores(config), folder)
-    _leave_if_stopped(result)
-    assessment = _assessed(result.champion, folder)
+    result, assessment = _trained(_with_share_of_cores(config), folder)
     print(job_line(folder, result.champion, assessment), flush=True)
     return result.champion
 

@@ -111,9 +111,9 @@ def _run_sweep(main: Callable[[], Any], arguments: Sequence[str], sweep: Sweep) 
         code = _INTERRUPTED
     except SystemExit as error:
         code = error.code
-    except NCRSError:
-        raise
     except Exception as error:  # a launcher's or a sweeper's own, such as a missing SLURM
+        if not _started:
+            raise
         print(f"{program_name()}: the sweep ended early: {error}", file=sys.stderr)
         code = 1
     if not _started:
