@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib
+import importlib.util
+import sys
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from types import TracebackType
 from typing import Any, ClassVar
 
@@ -17,6 +21,7 @@ from ncrs.automaton.channels import NCALayout
 from ncrs_envs.body import body_measures
 from ncrs_envs.cores import available_cores
 from ncrs_envs.errors import NCRSError
+from ncrs_envs.notices import notice
 from ncrs_envs.registry import Registry
 from ncrs_envs.scenario import Scenario, ScenarioError
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, Task, TaskSettings
@@ -218,12 +223,16 @@ def check_workers(workers: Any) -> int:
     return int(workers)
 
 
+CUDA_ENGINE = "cuda"
+"""Name of the engine on GPUs."""
+
 # Classes, or module and class: imported on use, since each needs its own heavy packages.
 ENGINES: Registry[str | type[Engine]] = Registry(
     "engine",
     {
         "batched": "ncrs.engines.batched:BatchedEngine",
         "box2d": "ncrs.engines.box2d:Box2DEngine",
+        CUDA_ENGINE: "ncrs.engines.cuda.engine:CUDAEngine",
     },
 )
 
@@ -234,7 +243,8 @@ def register_engine(engine: type[Engine]) -> None:
 
 
 AUTO_ENGINE = "auto"
-"""Name for the best engine that works here: ``batched``, or ``box2d`` for tasks that need it."""
+"""Name for the best engine that works here: ``cuda`` where there is a GPU and the package that it
+needs, else ``batched``; ``box2d`` for tasks that need it."""
 
 
 def resolve_engine(name: str, task: Task | None = None) -> str:
@@ -244,7 +254,9 @@ def resolve_engine(name: str, task: Task | None = None) -> str:
         EngineSettingError: If there is no such engine.
     """
     if name == AUTO_ENGINE:
-        return "box2d" if task is not None and task.needs_box2d else "batched"
+        if task is not None and task.needs_box2d:
+            return "box2d"
+        return CUDA_ENGINE if has_gpu() else "batched"
     if name not in ENGINES:
         raise EngineSettingError(
             f"Unknown engine {name!r}; choose one of {sorted([AUTO_ENGINE, *ENGINES])}."
@@ -252,11 +264,67 @@ def resolve_engine(name: str, task: Task | None = None) -> str:
     return name
 
 
-def make_engine(name: str, settings: TaskSettings, workers: int | None = None) -> Engine:
-    """Make the engine of that name; raise ``EngineSettingError`` if it is unknown."""
-    engine = ENGINES[resolve_engine(name, settings.task)]
+@cache
+def has_gpu() -> bool:
+    """Return True if the package that the cuda engine needs is here, and a GPU that it can use.
+
+    A process that finds one says so in a line, once.
+    """
+    if importlib.util.find_spec("numba_cuda") is None or not _has_driver():
+        return False
+    from ncrs.engines.cuda.devices import check_devices, device_name
+
+    try:
+        check_devices([0])
+    except EngineSettingError:
+        return False
+    notice(f"engine=auto uses the GPU ({device_name(0)}); engine=batched uses the CPU")
+    return True
+
+
+def _has_driver() -> bool:
+    """Return True if a driver for NVIDIA GPUs is installed; asking numba-cuda takes a second."""
+    name = "nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1"
+    try:
+        ctypes.CDLL(name)
+    except OSError:
+        return False
+    return True
+
+
+def make_engine(
+    name: str,
+    settings: TaskSettings,
+    workers: int | None = None,
+    devices: Sequence[int] | None = None,
+) -> Engine:
+    """Make the engine of that name.
+
+    Args:
+        name: Name of the engine, or "auto".
+        settings: Task and its settings.
+        workers: Number of processes or threads; None for one per core.
+        devices: Indices of the GPUs that the engine cuda uses; None for the first.
+
+    Raises:
+        EngineSettingError: The engine is unknown, its package is not installed, or a GPU cannot be
+            used.
+    """
+    resolved = resolve_engine(name, settings.task)
+    if resolved == CUDA_ENGINE and importlib.util.find_spec("numba_cuda") is None:
+        raise EngineSettingError(
+            "engine=cuda needs the package numba-cuda, which is not installed; install it with: "
+            "pip install 'ncrs[cuda]'"
+        )
+    if devices is not None and resolved != CUDA_ENGINE:
+        raise EngineSettingError(
+            f"engine.devices names GPUs, which the engine {resolved} does not use; leave it out, "
+            "or choose engine=cuda."
+        )
+    engine = ENGINES[resolved]
     if isinstance(engine, str):
         module, _, attribute = engine.partition(":")
         engine = getattr(importlib.import_module(module), attribute)
-    made: Engine = engine(settings, workers)
+    options: dict[str, Any] = {} if devices is None else {"devices": devices}
+    made: Engine = engine(settings, workers, **options)
     return made

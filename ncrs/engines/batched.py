@@ -69,7 +69,7 @@ class BatchedEngine(Engine):
             part_codes=part_codes,
             bodies=grown.bodies,
             settings=settings_record(settings),
-            scenarios=_scenario_table(rows, n),
+            scenarios=scenario_table(rows, n),
             steps=MAX_EPISODE_STEPS,
         )
 
@@ -117,7 +117,7 @@ class BatchedEngine(Engine):
                 raise
 
 
-def _scenario_table(rows: ScenarioRows, grid_size: int) -> Scenarios:
+def scenario_table(rows: ScenarioRows, grid_size: int) -> Scenarios:
     """Return the records of all scenarios, shape ``(rows, E)``."""
     shape = (len(rows), len(rows[0]))
     flat = scenario_records([scenario for row in rows for scenario in row], grid_size)

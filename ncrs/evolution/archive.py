@@ -5,6 +5,7 @@ Source: paper section 5. Nothing here knows tasks or environments, so that optim
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from enum import IntEnum
@@ -190,17 +191,20 @@ class Archive:
         cells = np.where(np.isnan(fitness), NO_CELL, self.space.cells(np.asarray(measures)))
         status = np.zeros(count, dtype=np.int8)
         improvement = np.full(count, np.nan)
-        best = self._columns["fitness"]
-        for index in np.flatnonzero(cells != NO_CELL):
-            cell, value = cells[index], fitness[index]
-            if np.isnan(best[cell]):
-                status[index], improvement[index] = AddStatus.NEW, value
-            else:
-                improvement[index] = value - best[cell]
-                status[index] = AddStatus.IMPROVED if value > best[cell] else AddStatus.NONE
-            if status[index] != AddStatus.NONE:
-                for name, column in self._columns.items():
-                    column[cell] = offered[name][index]
+        best = dict(enumerate(self._columns["fitness"].tolist()))
+        elites: dict[int, int] = {}  # the last genome that takes a cell is the one to write
+        for index, (cell, value) in enumerate(zip(cells.tolist(), fitness.tolist(), strict=True)):
+            if cell == NO_CELL:
+                continue
+            before = best[cell]
+            is_empty = math.isnan(before)
+            improvement[index] = value if is_empty else value - before
+            if is_empty or value > before:
+                status[index] = AddStatus.NEW if is_empty else AddStatus.IMPROVED
+                best[cell], elites[cell] = value, index
+        taken = list(elites.values())
+        for name, column in self._columns.items():
+            column[list(elites)] = np.asarray(offered[name])[taken]
         return AddResult(cells, status, improvement)
 
     def replace_estimates(

@@ -45,10 +45,14 @@ class EngineSettings:
 
     name: str = AUTO_ENGINE
     """Name of the engine, chosen with engine=NAME: batched, a whole population in one compiled
-    call; box2d, the reference physics; or auto, the fastest that works here."""
+    call; cuda, the same on GPUs; box2d, the reference physics; or auto, the fastest that works
+    here."""
     workers: int | None = None
     """Number of threads (batched) or processes (box2d), which does not change results; null for one
     per core."""
+    devices: list[int] | None = None
+    """Indices of the GPUs that the engine cuda spreads genomes over, which does not change results;
+    null for the first."""
 
     def __post_init__(self) -> None:
         check_types(self, ConfigError)
@@ -262,7 +266,12 @@ def save_config(config: TrainConfig, run_dir: Path) -> None:
     write_json(run_dir / SETTINGS_FILE, values)
 
 
-CHANGED_ON_RESUME = ("generations", "engine.workers", "checkpoint_seconds")
+CHANGED_ON_RESUME = (
+    "generations",
+    "engine.workers",
+    "engine.devices",
+    "checkpoint_seconds",
+)
 """Settings that may change when a run is resumed."""
 
 

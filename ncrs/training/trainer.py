@@ -58,13 +58,18 @@ class Trainer:
                 not finite.
             CheckpointError: If there is no whole checkpoint to resume from, the folder cannot be
                 written, or the disk is full.
+            EngineSettingError: If the engine cannot be used here.
             EngineError: If a worker was lost.
         """
-        with locked(self._run_dir):
+        config = self._config
+        engine = make_engine(
+            config.engine.name, config.task, config.engine.workers, config.engine.devices
+        )
+        with engine, locked(self._run_dir):
             try:
                 self._start()
                 with StopRequest() as stop:
-                    self._train(stop)
+                    self._train(engine, stop)
             finally:
                 self._files.wait()
         archive = self._search.archive
@@ -93,12 +98,9 @@ class Trainer:
             # A run that is killed in its first generation can be resumed, too.
             self._files.save(self._state)
 
-    def _train(self, stop: StopRequest) -> None:
-        config = self._config
-        with (
-            make_engine(config.engine.name, config.task, config.engine.workers) as engine,
-            RunLog(self._run_dir, config, self._state.generation, self._watch.progress) as log,
-        ):
+    def _train(self, engine: Engine, stop: StopRequest) -> None:
+        watch, generation = self._watch, self._state.generation
+        with RunLog(self._run_dir, self._config, generation, watch.progress) as log:
             with suppress(EvaluationInterrupted):  # resuming repeats that generation
                 self._loop(engine, log, stop)
             if stop():

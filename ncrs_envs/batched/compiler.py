@@ -15,8 +15,6 @@ A process that has to compile says so once, since it then seems to hang for most
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
-import os
 import re
 import sys
 from collections.abc import Callable
@@ -26,13 +24,10 @@ from typing import Any, TypeVar, cast
 import numba
 
 from ncrs_envs.batched.kernel_cache import kernel_cache
+from ncrs_envs.notices import notice
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-QUIET_VARIABLE = "NCRS_QUIET"
-"""Environment variable that hides the notice, unless it is empty or 0."""
-_MAIN_PROCESS = "MainProcess"
-"""Name that ``multiprocessing`` gives to a process that is nobody's worker."""
 _FIRST_PARTY_IMPORT = re.compile(r"^from (ncrs\w*[\w.]*) import", re.MULTILINE)
 
 
@@ -59,21 +54,11 @@ class _Notice:
         self._is_due = True
 
     def give(self) -> None:
-        """Print the line, unless this was done, is unwanted, or the process is a worker."""
+        """Print the line, unless this was done."""
         if not self._is_due:
             return
         self._is_due = False
-        is_unwanted = os.environ.get(QUIET_VARIABLE, "") not in ("", "0")
-        is_worker = multiprocessing.current_process().name != _MAIN_PROCESS
-        if is_unwanted or is_worker or sys.stderr is None:
-            return
-        from tqdm import tqdm  # its own print leaves progress bars whole
-
-        tqdm.write(
-            "ncrs: compiling the simulator for this computer, once; it takes up to a minute "
-            f"({QUIET_VARIABLE}=1 hides this line)",
-            file=sys.stderr,
-        )
+        notice("compiling the simulator for this computer, once; it takes up to a minute")
 
 
 _NOTICE = _Notice()

@@ -27,7 +27,7 @@ from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, MAX_TRANSLATION
 
 _AFTER_MOVE = Correction(fraction=0.2, sweeps=60, tolerated=3.0 * LINEAR_SLOP)
 _AT_IMPACT = Correction(fraction=0.75, sweeps=20, tolerated=1.5 * LINEAR_SLOP)
-_MAX_IMPACTS = 8
+MAX_IMPACTS = 8
 """Maximum number of impacts in one step; after one more the robot stops until the next step."""
 
 
@@ -70,51 +70,78 @@ def move_with_contacts(world: World, state: State) -> None:
 
     The velocities already include the effects of wheels and drag.
     """
-    has_ball = world.settings.has_ball
-    state.touched = False
-    if _is_free(world, state):
-        state.memory_count = 0
-        limit_speeds(state)
-        move_robot(state, DT)
-        if has_ball:
-            move_ball(state)
+    if move_if_free(world, state):
         return
-    state.clearance = 0.0
     start = Pose(state.x, state.y, state.angle)
     near = near_quads(world, state)
-    count = find_contacts(world, near, state)
+    move_in_contact(world, state, find_contacts(world, near, state))
+    if not world.settings.has_ball:
+        _stop_at_impacts(world, near, state, start)
+
+
+@kernel
+def move_if_free(world: World, state: State) -> bool:
+    """Move robot and ball for one step if the robot can touch nothing in it, else return False."""
+    state.touched = False
+    if not _is_free(world, state):
+        state.clearance = 0.0
+        return False
+    state.memory_count = 0
+    _move(world, state)
+    return True
+
+
+@kernel
+def _move(world: World, state: State) -> None:
+    """Move robot and ball for one step at their velocities."""
+    limit_speeds(state)
+    move_robot(state, DT)
+    if world.settings.has_ball:
+        move_ball(state)
+
+
+@kernel
+def move_in_contact(world: World, state: State, count: int) -> None:
+    """Solve the velocities at ``count`` contact points, move for one step and correct overlaps."""
     contacts = world.contacts[:count]
     if count > 0:
         state.touched = True
         solve_velocities(world.robot, state, contacts, True)
     keep_impulses(state, contacts)
-    limit_speeds(state)
-    move_robot(state, DT)
-    if has_ball:
-        move_ball(state)
+    _move(world, state)
     if count > 0:
         correct_positions(world.robot, state, contacts, _AFTER_MOVE)
-    if not has_ball:
-        _stop_at_impacts(world, near, state, start)
+
+
+@kernel
+def move_back(state: State, start: Pose, time: float) -> None:
+    """Place the robot where it is after the fraction ``time`` of its move from ``start``."""
+    state.x = start.x + time * (state.x - start.x)
+    state.y = start.y + time * (state.y - start.y)
+    turn_to(state, start.angle + time * (state.angle - start.angle))
+
+
+@kernel
+def solve_impact(world: World, state: State, count: int) -> None:
+    """Correct overlaps at ``count`` contact points where a move was cut, and solve velocities."""
+    contacts = world.contacts[:count]
+    state.touched = True
+    correct_positions(world.robot, state, contacts, _AT_IMPACT)
+    solve_velocities(world.robot, state, contacts, False)
 
 
 @kernel
 def _stop_at_impacts(world: World, near: tuple[int, int], state: State, start: Pose) -> None:
     """Cut the robot's move from ``start`` where it meets the light or a wall, and continue."""
     remaining = 1.0
-    for impact in range(_MAX_IMPACTS + 1):
-        last = impact == _MAX_IMPACTS
+    for impact in range(MAX_IMPACTS + 1):
+        last = impact == MAX_IMPACTS
         time = time_of_impact(world, near, start, state, last)
         if time >= 1.0:
             return
-        state.x = start.x + time * (state.x - start.x)
-        state.y = start.y + time * (state.y - start.y)
-        turn_to(state, start.angle + time * (state.angle - start.angle))
+        move_back(state, start, time)
         remaining *= 1.0 - time
-        contacts = world.contacts[: find_contacts(world, near, state)]
-        state.touched = True
-        correct_positions(world.robot, state, contacts, _AT_IMPACT)
-        solve_velocities(world.robot, state, contacts, False)
+        solve_impact(world, state, find_contacts(world, near, state))
         if last:
             return
         start = Pose(state.x, state.y, state.angle)

@@ -56,7 +56,9 @@ def _field(hint: Any) -> tuple[Any, ...]:
     """Return the dtype of a field, and its shape if it is an array."""
     if get_origin(hint) is Annotated:
         array, shape = get_args(hint)
-        (item,) = get_args(get_args(array)[1])
+        arguments = get_args(array)
+        # Before NumPy 2.5 NDArray[item] was ndarray[shape, dtype[item]], since then it is an alias.
+        (item,) = arguments if len(arguments) == 1 else get_args(arguments[1])
         return (dtype_of(item) if issubclass(item, Record) else item, shape)
     return (_SCALARS[hint],)
 

@@ -42,11 +42,16 @@ class Pose(NamedTuple):
     angle: float
 
 
-class _Sweep(NamedTuple):
+class Sweep(NamedTuple):
     """The robot's move."""
 
     start: Pose
     move: Pose
+    length: float
+    """Distance that the centre of mass moves, in units."""
+    cos: float
+    """Cosine and sine of the angle at the start."""
+    sin: float
     ignore_touching: bool
     """True to ignore shapes that touch at the start already."""
 
@@ -121,7 +126,7 @@ def _separation_along(world: World, thing: int, frame: Frame, axis: _Axis) -> fl
 
 
 @kernel
-def _cell_at(sweep: _Sweep, time: float, cell: Point) -> Frame:
+def _cell_at(sweep: Sweep, time: float, cell: Point) -> Frame:
     """Return the frame of a cell after the fraction ``time`` of the move."""
     angle = sweep.start.angle + time * sweep.move.angle
     cos = math.cos(angle)
@@ -132,7 +137,7 @@ def _cell_at(sweep: _Sweep, time: float, cell: Point) -> Frame:
 
 
 @kernel
-def _time_of_cell(world: World, thing: int, sweep: _Sweep, cell: Point, latest: float) -> float:
+def _time_of_cell(world: World, thing: int, sweep: Sweep, cell: Point, latest: float) -> float:
     """Return the fraction of the move after which a cell touches a quad or the light.
 
     It is at most ``latest``. If the present separating axis still separates at the end, the cell is
@@ -174,6 +179,56 @@ def _time_of_cell(world: World, thing: int, sweep: _Sweep, cell: Point, latest: 
 
 
 @kernel
+def make_sweep(start: Pose, state: State, ignore_touching: bool) -> Sweep:
+    """Return the move from ``start`` to the state's pose."""
+    move = Pose(state.x - start.x, state.y - start.y, state.angle - start.angle)
+    length = math.sqrt(move.x * move.x + move.y * move.y)
+    cos, sin = math.cos(start.angle), math.sin(start.angle)
+    return Sweep(start, move, length, cos, sin, ignore_touching)
+
+
+@kernel
+def can_reach_light(world: World, sweep: Sweep) -> bool:
+    """Return True if the robot may touch the light during the move."""
+    away_x = world.scenario.goal_x - sweep.start.x
+    away_y = world.scenario.goal_y - sweep.start.y
+    reach = world.robot.radius + sweep.length + LIGHT_RADIUS + SKIN
+    return bool(away_x * away_x + away_y * away_y <= reach * reach)
+
+
+@kernel
+def can_reach_quad(world: World, sweep: Sweep, thing: int) -> bool:
+    """Return True if the robot may touch a quad during the move."""
+    reach = world.robot.radius + sweep.length + 2.0 * SKIN
+    quad: Quad = world.quads[thing]
+    return bool(distance_from_quad(quad, sweep.start.x, sweep.start.y) <= reach)
+
+
+@kernel
+def time_at_light(world: World, sweep: Sweep, cell: int, latest: float) -> float:
+    """Return the fraction of the move before an exposed cell meets the light, or ``latest``."""
+    return _time_of_cell(world, _LIGHT, sweep, world.exposed[cell], latest)
+
+
+@kernel
+def can_cell_reach(world: World, sweep: Sweep, thing: int, cell: int) -> bool:
+    """Return True if an exposed cell may touch a quad during the move."""
+    start, move = sweep.start, sweep.move
+    point: Point = world.exposed[cell]
+    x = start.x + sweep.cos * point.x - sweep.sin * point.y
+    y = start.y + sweep.sin * point.x + sweep.cos * point.y
+    arc = abs(move.angle) * math.sqrt(point.x * point.x + point.y * point.y)
+    reach = _HALF_DIAGONAL + sweep.length + arc + 2.0 * SKIN
+    return bool(distance_from_quad(world.quads[thing], x, y) <= reach)
+
+
+@kernel
+def time_at_quad(world: World, sweep: Sweep, thing: int, cell: int, latest: float) -> float:
+    """Return the fraction of the move before an exposed cell meets a quad, or ``latest``."""
+    return _time_of_cell(world, thing, sweep, world.exposed[cell], latest)
+
+
+@kernel
 def time_of_impact(
     world: World, near: tuple[int, int], start: Pose, state: State, ignore_touching: bool
 ) -> float:
@@ -188,29 +243,14 @@ def time_of_impact(
         state: The episode's state, with the pose at the end of the move.
         ignore_touching: True to ignore shapes that touch at the start already.
     """
-    move = Pose(state.x - start.x, state.y - start.y, state.angle - start.angle)
-    sweep = _Sweep(start, move, ignore_touching)
-    length = math.sqrt(move.x * move.x + move.y * move.y)
+    sweep = make_sweep(start, state, ignore_touching)
     latest = 1.0
-    away_x = world.scenario.goal_x - start.x
-    away_y = world.scenario.goal_y - start.y
-    reach = world.robot.radius + length + LIGHT_RADIUS + SKIN
-    if away_x * away_x + away_y * away_y <= reach * reach:
+    if can_reach_light(world, sweep):
         for i in range(world.robot.exposed_count):
-            latest = _time_of_cell(world, _LIGHT, sweep, world.exposed[i], latest)
-    reach = world.robot.radius + length + 2.0 * SKIN
-    cos = math.cos(start.angle)
-    sin = math.sin(start.angle)
+            latest = time_at_light(world, sweep, i, latest)
     for thing in range(near[0], near[1]):
-        quad: Quad = world.quads[thing]
-        if distance_from_quad(quad, start.x, start.y) > reach:
-            continue
-        for i in range(world.robot.exposed_count):
-            cell: Point = world.exposed[i]
-            x = start.x + cos * cell.x - sin * cell.y
-            y = start.y + sin * cell.x + cos * cell.y
-            arc = abs(move.angle) * math.sqrt(cell.x * cell.x + cell.y * cell.y)
-            cell_reach = _HALF_DIAGONAL + length + arc + 2.0 * SKIN
-            if distance_from_quad(quad, x, y) <= cell_reach:
-                latest = _time_of_cell(world, thing, sweep, cell, latest)
+        if can_reach_quad(world, sweep, thing):
+            for i in range(world.robot.exposed_count):
+                if can_cell_reach(world, sweep, thing, i):
+                    latest = time_at_quad(world, sweep, thing, i, latest)
     return latest

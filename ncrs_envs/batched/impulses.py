@@ -59,27 +59,49 @@ def _locate(contact: Contact, state: State) -> tuple[float, float, float, float,
     return -out_x, -out_y, p_x, p_y, distance - contact.radii
 
 
+class _Velocities(NamedTuple):
+    """Velocities of robot and ball, held in registers while they are solved for."""
+
+    x: float
+    y: float
+    omega: float
+    ball_x: float
+    ball_y: float
+    ball_omega: float
+
+
+class _Inverse(NamedTuple):
+    """Inverse mass and inertia of the robot."""
+
+    mass: float
+    inertia: float
+
+
 @kernel
-def _push(robot: Robot, state: State, contact: Contact, impulse_x: float, impulse_y: float) -> None:
-    """Apply an impulse to the robot at a contact point, and its reaction to the ball."""
-    arm_x = contact.arm_x
-    arm_y = contact.arm_y
-    state.vx += robot.inverse_mass * impulse_x
-    state.vy += robot.inverse_mass * impulse_y
-    state.omega += robot.inverse_inertia * (arm_x * impulse_y - arm_y * impulse_x)
+def _pushed(
+    inverse: _Inverse, v: _Velocities, contact: Contact, impulse_x: float, impulse_y: float
+) -> _Velocities:
+    """Return the velocities after an impulse on the robot, and its reaction on the ball."""
+    x = v.x + inverse.mass * impulse_x
+    y = v.y + inverse.mass * impulse_y
+    omega = v.omega + inverse.inertia * (contact.arm_x * impulse_y - contact.arm_y * impulse_x)
+    ball_x = v.ball_x
+    ball_y = v.ball_y
+    ball_omega = v.ball_omega
     if contact.kind == FACE_TO_BALL:
         arm_x = contact.ball_arm_x
         arm_y = contact.ball_arm_y
-        state.ball_vx -= BALL_INVERSE_MASS * impulse_x
-        state.ball_vy -= BALL_INVERSE_MASS * impulse_y
-        state.ball_omega -= BALL_INVERSE_INERTIA * (arm_x * impulse_y - arm_y * impulse_x)
+        ball_x -= BALL_INVERSE_MASS * impulse_x
+        ball_y -= BALL_INVERSE_MASS * impulse_y
+        ball_omega -= BALL_INVERSE_INERTIA * (arm_x * impulse_y - arm_y * impulse_x)
+    return _Velocities(x, y, omega, ball_x, ball_y, ball_omega)
 
 
 @kernel
-def _prepare(robot: Robot, state: State, contacts: NDArray[Contact], keep: bool) -> None:
-    """Set the solver's half of the contacts from the poses, and apply the first impulses."""
-    inverse_mass = robot.inverse_mass
-    inverse_inertia = robot.inverse_inertia
+def _prepare(
+    inverse: _Inverse, v: _Velocities, state: State, contacts: NDArray[Contact], keep: bool
+) -> _Velocities:
+    """Set the solver's half of the contacts, and return the velocities after first impulses."""
     for i in range(len(contacts)):
         contact: Contact = contacts[i]
         n_x, n_y, x, y, separation = _locate(contact, state)
@@ -93,8 +115,8 @@ def _prepare(robot: Robot, state: State, contacts: NDArray[Contact], keep: bool)
         arm_y = y - state.y
         normal_arm = arm_x * n_y - arm_y * n_x
         tangent_arm = arm_x * n_x + arm_y * n_y
-        by_normal = inverse_mass + inverse_inertia * normal_arm * normal_arm
-        by_tangent = inverse_mass + inverse_inertia * tangent_arm * tangent_arm
+        by_normal = inverse.mass + inverse.inertia * normal_arm * normal_arm
+        by_tangent = inverse.mass + inverse.inertia * tangent_arm * tangent_arm
         if contact.kind == FACE_TO_BALL:
             ball_x = x - state.ball_x
             ball_y = y - state.ball_y
@@ -114,23 +136,20 @@ def _prepare(robot: Robot, state: State, contacts: NDArray[Contact], keep: bool)
         tangent = contact.tangent_impulse if keep else 0.0
         contact.normal_impulse = normal
         contact.tangent_impulse = tangent
-        _push(
-            robot,
-            state,
-            contact,
-            normal * n_x - tangent * n_y,
-            normal * n_y + tangent * n_x,
-        )
+        impulse_x = normal * n_x - tangent * n_y
+        impulse_y = normal * n_y + tangent * n_x
+        v = _pushed(inverse, v, contact, impulse_x, impulse_y)
+    return v
 
 
 @kernel
-def _approach(state: State, contact: Contact) -> tuple[float, float]:
+def _approach(v: _Velocities, contact: Contact) -> tuple[float, float]:
     """Return the robot's velocity at a contact point, relative to the other shape."""
-    v_x = state.vx - state.omega * contact.arm_y
-    v_y = state.vy + state.omega * contact.arm_x
+    v_x = v.x - v.omega * contact.arm_y
+    v_y = v.y + v.omega * contact.arm_x
     if contact.kind == FACE_TO_BALL:
-        v_x -= state.ball_vx - state.ball_omega * contact.ball_arm_y
-        v_y -= state.ball_vy + state.ball_omega * contact.ball_arm_x
+        v_x -= v.ball_x - v.ball_omega * contact.ball_arm_y
+        v_y -= v.ball_y + v.ball_omega * contact.ball_arm_x
     return v_x, v_y
 
 
@@ -145,32 +164,40 @@ def solve_velocities(robot: Robot, state: State, contacts: NDArray[Contact], kee
         keep: True to begin with the impulses of the step before, which hold a robot that is jammed
             between two faces; False to begin with none.
     """
-    _prepare(robot, state, contacts, keep)
+    inverse = _Inverse(robot.inverse_mass, robot.inverse_inertia)
+    v = _Velocities(state.vx, state.vy, state.omega, state.ball_vx, state.ball_vy, state.ball_omega)
+    v = _prepare(inverse, v, state, contacts, keep)
     for _ in range(_VELOCITY_ITERATIONS):
-        max_change = 0.0
+        moves = False
         for i in range(len(contacts)):
             contact: Contact = contacts[i]
             n_x = contact.normal_x
             n_y = contact.normal_y
-            v_x, v_y = _approach(state, contact)
+            v_x, v_y = _approach(v, contact)
             mass = contact.tangent_mass
             limit = CONTACT_FRICTION * contact.normal_impulse
             old = contact.tangent_impulse
             new = min(max(old - mass * (n_x * v_y - n_y * v_x), -limit), limit)
             if new != old:
                 contact.tangent_impulse = new
-                _push(robot, state, contact, -(new - old) * n_y, (new - old) * n_x)
-                max_change = max(max_change, abs(new - old) / mass)
-                v_x, v_y = _approach(state, contact)
+                v = _pushed(inverse, v, contact, -(new - old) * n_y, (new - old) * n_x)
+                moves = moves or abs(new - old) >= _SETTLED_SPEED * mass
+                v_x, v_y = _approach(v, contact)
             mass = contact.normal_mass
             old = contact.normal_impulse
             new = max(old - mass * (n_x * v_x + n_y * v_y), 0.0)
             if new != old:
                 contact.normal_impulse = new
-                _push(robot, state, contact, (new - old) * n_x, (new - old) * n_y)
-                max_change = max(max_change, abs(new - old) / mass)
-        if max_change < _SETTLED_SPEED:
+                v = _pushed(inverse, v, contact, (new - old) * n_x, (new - old) * n_y)
+                moves = moves or abs(new - old) >= _SETTLED_SPEED * mass
+        if not moves:
             break
+    state.vx = v.x
+    state.vy = v.y
+    state.omega = v.omega
+    state.ball_vx = v.ball_x
+    state.ball_vy = v.ball_y
+    state.ball_omega = v.ball_omega
 
 
 @kernel

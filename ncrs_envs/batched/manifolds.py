@@ -42,7 +42,7 @@ _FEATURES = 64
 """Number of ways in which a cell and a quad can touch: pairs of edges and corners."""
 
 
-class _Circle(NamedTuple):
+class Circle(NamedTuple):
     """The light or the ball, and the kind of its contacts."""
 
     kind: int
@@ -96,40 +96,71 @@ def find_contacts(world: World, near: tuple[int, int], state: State) -> int:
     Returns:
         Number of contact points.
     """
-    cos = state.cos
-    sin = state.sin
     exposed = world.robot.exposed_count
     count = 0
-    circle = _circle(world, state)
-    reach = world.robot.radius + circle.radius + SKIN
-    from_x = circle.x - state.x
-    from_y = circle.y - state.y
-    if from_x * from_x + from_y * from_y <= reach * reach:
+    circle = circle_of(world, state)
+    if is_circle_near(world, state, circle):
         for i in range(exposed):
-            before = count
-            count = _touch_circle(world.contacts, count, circle, world.exposed[i])
-            if count > before:
-                world.contacts[before].key = _FEATURES * i
-    reach = world.robot.radius + 2.0 * SKIN
+            count = touch_circle(world.contacts, count, circle, world.exposed[i], i)
     for thing in range(near[0], near[1]):
-        quad: Quad = world.quads[thing]
-        if distance_from_quad(quad, state.x, state.y) > reach:
-            continue
-        for i in range(exposed):
-            cell: Point = world.exposed[i]
-            x = state.x + cos * cell.x - sin * cell.y
-            y = state.y + sin * cell.x + cos * cell.y
-            if distance_from_quad(quad, x, y) <= _HALF_DIAGONAL + 2.0 * SKIN:
-                before = count
-                count = _touch_quad(world, count, quad, cell, Frame(x, y, cos, sin))
-                for added in range(before, count):
-                    world.contacts[added].key += _FEATURES * ((thing + 1) * exposed + i)
-    _remember(state, world.contacts[:count])
+        if is_quad_near(world, state, thing):
+            for i in range(exposed):
+                frame = cell_frame(state, world.exposed[i])
+                if is_cell_near(world.quads[thing], frame):
+                    count = touch_quad(world, thing, i, frame, count)
+    recall_impulses(state, world.contacts[:count])
     return count
 
 
 @kernel
-def _circle(world: World, state: State) -> _Circle:
+def is_circle_near(world: World, state: State, circle: Circle) -> bool:
+    """Return True if the robot may touch the light or the ball at its present pose."""
+    reach = world.robot.radius + circle.radius + SKIN
+    from_x = circle.x - state.x
+    from_y = circle.y - state.y
+    return bool(from_x * from_x + from_y * from_y <= reach * reach)
+
+
+@kernel
+def is_quad_near(world: World, state: State, thing: int) -> bool:
+    """Return True if the robot may touch a quad at its present pose."""
+    reach = world.robot.radius + 2.0 * SKIN
+    return bool(distance_from_quad(world.quads[thing], state.x, state.y) <= reach)
+
+
+@kernel
+def cell_frame(state: State, cell: Point) -> Frame:
+    """Return the frame of a cell at the robot's present pose."""
+    x = state.x + state.cos * cell.x - state.sin * cell.y
+    y = state.y + state.sin * cell.x + state.cos * cell.y
+    return Frame(x, y, state.cos, state.sin)
+
+
+@kernel
+def is_cell_near(quad: Quad, frame: Frame) -> bool:
+    """Return True if a cell may touch a quad."""
+    return bool(distance_from_quad(quad, frame.x, frame.y) <= _HALF_DIAGONAL + 2.0 * SKIN)
+
+
+@kernel
+def touch_quad(world: World, thing: int, cell: int, frame: Frame, count: int) -> int:
+    """Add the contact points of an exposed cell with a quad, and return the new number of points.
+
+    Args:
+        world: The episode's world.
+        thing: Index of the quad.
+        cell: Index of the exposed cell.
+        frame: The cell's frame.
+        count: Number of contact points so far.
+    """
+    end = _touch_quad(world, count, world.quads[thing], world.exposed[cell], frame)
+    for added in range(count, end):
+        world.contacts[added].key += _FEATURES * ((thing + 1) * world.robot.exposed_count + cell)
+    return end
+
+
+@kernel
+def circle_of(world: World, state: State) -> Circle:
     """Return the light, or the ball at its present place."""
     has_ball = world.settings.has_ball
     x = state.ball_x if has_ball else world.scenario.goal_x
@@ -139,11 +170,11 @@ def _circle(world: World, state: State) -> _Circle:
     own_x = state.cos * from_x + state.sin * from_y
     own_y = state.cos * from_y - state.sin * from_x
     kind = FACE_TO_BALL if has_ball else FACE_OF_ROBOT
-    return _Circle(kind, x, y, own_x, own_y, BALL_RADIUS if has_ball else LIGHT_RADIUS)
+    return Circle(kind, x, y, own_x, own_y, BALL_RADIUS if has_ball else LIGHT_RADIUS)
 
 
 @kernel
-def _remember(state: State, contacts: NDArray[Contact]) -> None:
+def recall_impulses(state: State, contacts: NDArray[Contact]) -> None:
     """Set each contact point's impulses to those of the step before, or to 0."""
     for i in range(len(contacts)):
         contact: Contact = contacts[i]
@@ -154,6 +185,21 @@ def _remember(state: State, contacts: NDArray[Contact]) -> None:
             if memory.key == contact.key:
                 contact.normal_impulse = memory.normal_impulse
                 contact.tangent_impulse = memory.tangent_impulse
+
+
+@kernel
+def copy_contact(source: Contact, target: Contact) -> None:
+    """Copy what was found of a contact point; the solver's half is not copied."""
+    target.kind = source.kind
+    target.key = source.key
+    target.face_nx = source.face_nx
+    target.face_ny = source.face_ny
+    target.face_x = source.face_x
+    target.face_y = source.face_y
+    target.point_x = source.point_x
+    target.point_y = source.point_y
+    target.radii = source.radii
+    target.face_radius = source.face_radius
 
 
 @kernel
@@ -169,8 +215,18 @@ def keep_impulses(state: State, contacts: NDArray[Contact]) -> None:
 
 
 @kernel
-def _touch_circle(contacts: NDArray[Contact], count: int, circle: _Circle, cell: Point) -> int:
-    """Add the contact of a cell with a circle, if any, and return the new number of points."""
+def touch_circle(
+    contacts: NDArray[Contact], count: int, circle: Circle, cell: Point, index: int
+) -> int:
+    """Add the contact of a cell with a circle, if any, and return the new number of points.
+
+    Args:
+        contacts: Output.
+        count: Number of contact points so far.
+        circle: The circle.
+        cell: Centre of the exposed cell.
+        index: Index of the exposed cell.
+    """
     x = circle.own_x - cell.x
     y = circle.own_y - cell.y
     distance, n_x, n_y = separation_from_point(x, y)
@@ -178,6 +234,7 @@ def _touch_circle(contacts: NDArray[Contact], count: int, circle: _Circle, cell:
         return count
     contact: Contact = contacts[count]
     contact.kind = circle.kind
+    contact.key = _FEATURES * index
     contact.face_nx = -n_x
     contact.face_ny = -n_y
     contact.face_x = circle.own_x + distance * n_x

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -106,7 +108,7 @@ def prepare_robot(
         if code == _EMPTY:
             continue
         x, y = _position(place, n, robot)
-        radius = max(radius, (x * x + y * y) ** 0.5 + _HALF_DIAGONAL)
+        radius = max(radius, math.sqrt(x * x + y * y) + _HALF_DIAGONAL)
         if code == _WHEEL:
             wheel: Wheel = wheels[wheel_count]
             wheel.place = place

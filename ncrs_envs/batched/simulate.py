@@ -82,10 +82,22 @@ def step_episode(
         action: Finite gas per cell; read in wheel cells, clipped to [-1, 1].
         observation: Output; only sensor cells are written.
     """
+    push_robot(world, state, action)
+    move_with_contacts(world, state)
+    return observe(world, state, observation)
+
+
+@kernel
+def push_robot(world: World, state: State, action: NDArray[np.floating]) -> None:
+    """Change the velocities by wheels and drag: the first part of ``step_episode``."""
     apply_wheels(world, state, action)
     if world.settings.has_ball:
         apply_drag(state)
-    move_with_contacts(world, state)
+
+
+@kernel
+def observe(world: World, state: State, observation: NDArray[np.floating]) -> float:
+    """Write the sensor values, update the progress and return the reward: the last part."""
     sense(world, state, observation)
     to_goal, to_target = distances(world, state)
     update_progress(world, state, to_goal, to_target)

@@ -5,9 +5,11 @@ import pytest
 
 from ncrs.automaton.channels import CONTROL_CHANNEL, GenomeError, nca_layout
 from ncrs.engines.base import (
+    CUDA_ENGINE,
     ENGINES,
     EvaluationInterrupted,
     NonFiniteStateWarning,
+    has_gpu,
     make_engine,
 )
 from ncrs.engines.evaluate import evaluate
@@ -18,6 +20,8 @@ from ncrs_envs.tasks import TASKS, TaskError, TaskSettings
 
 @pytest.fixture(params=sorted(ENGINES))
 def engine(request):
+    if request.param == CUDA_ENGINE and not has_gpu():
+        pytest.skip("needs a GPU and numba-cuda; tests/engines/cuda runs the kernels without one")
     return request.param
 
 

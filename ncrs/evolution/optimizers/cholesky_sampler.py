@@ -32,6 +32,8 @@ _FIRST_JITTER = 4.0
 """First addition to the diagonal, in rounding units times the mean variance; each further attempt
 adds ten times more."""
 _MAX_ATTEMPTS = 12
+_FACTORS_PER_ESTIMATE = 16
+"""On a GPU, factorisations per step of the condition number's estimate, which take as long."""
 _FROM_CHAMPION = "from this one's champion if it has one (start_from)."
 
 
@@ -90,9 +92,20 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         self.count_tell = 0
         self.last_update = 0
         self.repairs = 0
+        self._factors = 0
         start = np.random.Generator(np.random.PCG64(0)).standard_normal(self.dimension)
         self._extremes = self._tensor(np.stack([start, start], axis=1))
         self._condition = 1.0
+
+    @property
+    def device(self) -> torch.device:
+        """Device of the matrices."""
+        return self._device
+
+    @property
+    def dtype(self) -> torch.dtype:
+        """Type of the matrices."""
+        return self._dtype
 
     # The interface that pycma calls.
 
@@ -100,7 +113,7 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         """Draw ``(number, N)`` samples, after renewing the factor if that is due."""
         self.update_now()
         z = self._tensor(self.randn(number, self.dimension))
-        return self._array(self._times_factor(z))
+        return self._array(self.times_factor(z))
 
     def update(self, vectors: Any, weights: Any) -> None:
         """Learn from ``(K, N)`` steps: ``C <- (1 - sum w) C + sum w_k y_k y_k^T``.
@@ -119,6 +132,24 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         if len(negative):
             norms = self._whiten(y[torch.from_numpy(negative)].mT).norm(dim=0)
             weights[negative] *= self.dimension / (self._array(norms) + 1e-9) ** 2
+        self._add_products(y, weights, decay)
+
+    def learn(self, vectors: torch.Tensor, weights: Vector, norms: torch.Tensor) -> None:
+        """Learn as ``update`` does from steps whose Mahalanobis lengths are known.
+
+        Args:
+            vectors: Steps y on this device, ``(K, N)``, in units of sigma.
+            weights: K learning rates.
+            norms: Mahalanobis length of each step; used where the learning rate is negative.
+        """
+        weights = weights.copy()
+        decay = 1.0 - weights.sum()
+        negative = weights < 0
+        weights[negative] *= self.dimension / (self._array(norms)[negative] + 1e-9) ** 2
+        self._add_products(vectors, weights, decay)
+
+    def _add_products(self, y: torch.Tensor, weights: Vector, decay: float) -> None:
+        """Compute ``C <- decay C + sum w_k y_k y_k^T``."""
         left = (self._tensor(weights)[:, None] * y).mT
         for start in range(0, self.dimension, _BLOCK):
             columns = slice(start, start + _BLOCK)
@@ -133,7 +164,9 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
             return
         self._factorise()
         self.last_update = self.count_tell
-        self._estimate_condition()
+        self._factors += 1
+        if self._device.type == "cpu" or self._factors % _FACTORS_PER_ESTIMATE == 0:
+            self._estimate_condition()
 
     def transform(self, x: Vector) -> Vector:
         """Compute ``L x`` of one vector ``(N,)``."""
@@ -199,6 +232,7 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
             "count_tell": self.count_tell,
             "last_update": self.last_update,
             "repairs": self.repairs,
+            "factors": self._factors,
         }
 
     def load_state(self, state: Mapping[str, Any]) -> None:
@@ -210,7 +244,7 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
             "diagonal": np.zeros(size, kind),
             "extremes": self._extremes.cpu().numpy(),
             **dict.fromkeys(("condition", "lazy_update_gap"), 1.0),
-            **dict.fromkeys(("count_tell", "last_update", "repairs"), 0),
+            **dict.fromkeys(("count_tell", "last_update", "repairs", "factors"), 0),
         }
         check_names(state, reference, "The state of the covariance", ())
         for name, value in state.items():
@@ -225,6 +259,7 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         self.count_tell = state["count_tell"]
         self.last_update = state["last_update"]
         self.repairs = state["repairs"]
+        self._factors = state["factors"]
 
     def _tensor(self, values: NDArray[Any]) -> torch.Tensor:
         # Always a copy: torch aligns its memory, and sums in another alignment round differently.
@@ -233,7 +268,7 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
     def _array(self, values: torch.Tensor) -> Vector:
         return values.to("cpu", torch.float64, copy=True).numpy()
 
-    def _times_factor(self, z: torch.Tensor) -> torch.Tensor:
+    def times_factor(self, z: torch.Tensor) -> torch.Tensor:
         """Compute ``L z`` for each row of ``(K, N)``."""
         y = torch.zeros_like(z)
         for start in range(0, self.dimension, _BLOCK):

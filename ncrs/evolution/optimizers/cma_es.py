@@ -82,6 +82,10 @@ class CMAES(Optimizer):
             es = cma.CMAEvolutionStrategy(start, settings.sigma, options)
         if sampler is not None:
             _set_up_as_pycma_does(es, sampler)
+        if self._matrices is not None and self._matrices.device != "cpu":
+            from ncrs.evolution.optimizers.device_strategy import DeviceStrategy
+
+            return DeviceStrategy(es, sampler, start, int(self._generator.integers(2**63)))
         return es
 
     @property
@@ -112,8 +116,8 @@ class CMAES(Optimizer):
         if self.settings.restart_from == "elite" and self._attached is None:
             raise OptimizerError("restart_from=elite needs an archive: call attach(archive) first.")
         # Asking changes part of the state, but of the sampler only its lazy decomposition.
-        self._unasked = capture(self._es, sampler=False)
-        return np.array(self._es.ask(self.settings.population), dtype=np.float64)
+        self._unasked = self._capture(sampler=False)
+        return np.asarray(self._es.ask(self.settings.population), dtype=np.float64)
 
     def _tell(self, asked: Genomes, fitness: Fitness, added: Any = None) -> None:
         sigma = self.sigma
@@ -152,8 +156,15 @@ class CMAES(Optimizer):
         self._es = self._make(start, sampler)
         self._restarts += 1
 
+    def _capture(self, *, sampler: bool = True) -> State:
+        """Copy the strategy's state, with or without what asking does not change."""
+        if isinstance(self._es, cma.CMAEvolutionStrategy):
+            return capture(self._es, sampler=sampler)
+        state: State = self._es.state() if sampler else self._es.unasked()
+        return state
+
     def _state(self) -> State:
-        state = capture(self._es)
+        state = self._capture()
         return {
             "es": state if self._asked is None else {**state, **self._unasked},
             "restarts": self._restarts,
@@ -163,7 +174,10 @@ class CMAES(Optimizer):
 
     def _load_state(self, state: Mapping[str, Any]) -> None:
         fresh = self._make(np.zeros(self.dimension), self._make_sampler())
-        restore(fresh, state["es"])
+        if isinstance(fresh, cma.CMAEvolutionStrategy):
+            restore(fresh, state["es"])
+        else:
+            fresh.load_state(state["es"])
         check_like(state["restarts"], 0, "restarts")
         if state["best_genome"] is not None:
             check_like(state["best_genome"], np.zeros(self.dimension), "best_genome")

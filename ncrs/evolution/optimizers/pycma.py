@@ -9,12 +9,14 @@ with warnings.catch_warnings():
     import cma
     from cma.interfaces import StatisticalModelSamplerWithZeroMeanBaseClass
     from cma.sigma_adaptation import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA
+    from cma.utilities.math import Mh
     from cma.utilities.utils import ElapsedWCTime
 
 __all__ = [
     "CMAAdaptSigmaCSA",
     "CMAAdaptSigmaTPA",
     "ElapsedWCTime",
+    "Mh",
     "StatisticalModelSamplerWithZeroMeanBaseClass",
     "cma",
 ]

@@ -1,0 +1,111 @@
+"""Engine on GPUs.
+
+Results depend neither on the number of GPUs nor on how a population is split over them, since every
+value of an episode is computed by threads that work on that episode alone.
+"""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncrs.engines.base import (
+    Engine,
+    EngineSettingError,
+    EvaluationInterrupted,
+    NonFiniteStateWarning,
+    RolloutResult,
+    ScenarioRows,
+    StopCheck,
+)
+from ncrs.engines.batched import scenario_table
+from ncrs.engines.cuda.devices import check_devices, on_device
+from ncrs.engines.cuda.part import Device, PartResult
+from ncrs_envs.batched.layout import Scenarios
+from ncrs_envs.tasks import TaskSettings
+
+
+class CUDAEngine(Engine):
+    """``Engine`` on GPUs, with the physics of the batched simulator.
+
+    The kernels are compiled on first use, which takes about 20 s.
+
+    Args:
+        settings: Task and its settings.
+        workers: Not used: one thread waits for each GPU.
+        devices: Indices of the GPUs that genomes are spread over.
+
+    Raises:
+        EngineSettingError: A GPU cannot be used, or the task needs Box2D.
+    """
+
+    name = "cuda"
+
+    def __init__(
+        self,
+        settings: TaskSettings,
+        workers: int | None = None,
+        devices: Sequence[int] = (0,),
+    ) -> None:
+        if settings.task.needs_box2d:
+            raise EngineSettingError(
+                f"{settings.name} has its own reward or condition of success, which only Box2D "
+                "runs: choose the engine box2d."
+            )
+        super().__init__(settings, workers)
+        check_devices(devices)
+        self.devices = tuple(devices)
+        self._made: dict[int, Device] = {}
+
+    def _rollout(
+        self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
+    ) -> RolloutResult:
+        scenarios = scenario_table(rows, self.settings.grid_size)
+        shares = np.array_split(np.arange(len(genomes)), min(len(self.devices), len(genomes)))
+        lock = Lock()
+
+        def stop() -> bool:
+            with lock:  # callers' functions need not bear threads
+                return should_stop()
+
+        def evaluate(share: NDArray[np.int64], index: int) -> list[PartResult]:
+            with on_device(index):
+                if index not in self._made:
+                    self._made[index] = Device(self.settings, self.layout)
+                device, parts = self._made[index], []
+                for part in device.parts(len(share), len(rows[0])):
+                    if stop():
+                        raise EvaluationInterrupted
+                    chosen = share[part]
+                    own = scenarios
+                    if len(rows) > 1:
+                        own = Scenarios(scenarios.scenarios[chosen], scenarios.quads[chosen])
+                    parts.append(device.evaluate(genomes[chosen], own))
+            return parts
+
+        if len(shares) == 1:
+            parts = evaluate(shares[0], self.devices[0])
+        else:
+            with ThreadPoolExecutor(len(shares), "ncrs-cuda") as pool:
+                parts = list(itertools.chain(*pool.map(evaluate, shares, self.devices)))
+        whole = PartResult(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        for genome in np.flatnonzero(~whole.finite):
+            warnings.warn(
+                f"The NCA's state of genome {genome} turned non-finite during growth; it has no "
+                "body. Its weights are too large.",
+                NonFiniteStateWarning,
+                stacklevel=3,
+            )
+        return RolloutResult(
+            whole.bodies, whole.episode_fitness, whole.success, whole.crossed, whole.closest
+        )
+
+    def close(self) -> None:
+        """Release the memory on the GPUs."""
+        self._made.clear()

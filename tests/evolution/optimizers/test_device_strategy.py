@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+import torch
+
+from ncrs.evolution.optimizers import make_optimizer
+from ncrs.evolution.optimizers.cholesky_sampler import CholeskySampler
+from ncrs.evolution.optimizers.cma_es import CMAES
+from ncrs.evolution.optimizers.device_strategy import DeviceStrategy
+from ncrs.evolution.optimizers.settings import CMAESSettings
+from ncrs.evolution.schema import StateError
+
+DIMENSION = 30
+
+
+class OnDevice(CMAES):
+    """CMA-ES on a torch device, here the CPU, with given standard normal numbers if wanted."""
+
+    def _make(self, start, sampler):
+        template = super()._make(start, sampler)
+        return DeviceStrategy(template, sampler, start, int(self._generator.integers(2**63)))
+
+
+def _settings(**changes):
+    return CMAESSettings(population=12, sigma=0.5, precision="float64", **changes)
+
+
+def _ellipsoid(genomes):
+    scales = 10.0 ** (np.arange(DIMENSION) / (DIMENSION - 1))
+    return -np.square((genomes - 1.0) * scales).sum(axis=1)
+
+
+@pytest.mark.parametrize("changes", [{}, {"parents": 3}, {"step_size": "decay"}])
+def test_it_makes_the_steps_that_pycma_makes(changes, monkeypatch):
+    seed = np.random.SeedSequence(1)
+    reference = CMAES(DIMENSION, seed, _settings(**changes))
+    ours = OnDevice(DIMENSION, seed, _settings(**changes))
+    normal = np.random.default_rng(2)
+    drawn = []
+    monkeypatch.setattr(reference._es.sm, "randn", lambda *shape: drawn[-1])
+    monkeypatch.setattr(torch, "randn", lambda shape, **_: torch.from_numpy(drawn[-1]))
+    for _ in range(400):
+        drawn.append(normal.standard_normal((12, DIMENSION)))
+        expected, genomes = reference.ask(), ours.ask()
+        np.testing.assert_allclose(genomes, expected, rtol=1e-7, atol=1e-9)
+        fitness = _ellipsoid(expected)
+        reference.tell(fitness)
+        ours.tell(fitness)
+        assert ours.sigma == pytest.approx(reference.sigma, rel=1e-8)
+    np.testing.assert_allclose(ours._es.sm.covariance(), reference._es.sm.covariance(), rtol=1e-6)
+    assert ours.sigma < 0.4
+
+
+def test_it_reaches_the_optimum_of_an_ellipsoid():
+    search = OnDevice(DIMENSION, np.random.SeedSequence(3), _settings())
+    for _ in range(1500):
+        search.tell(_ellipsoid(search.ask()))
+    np.testing.assert_allclose(search.mean, 1.0, atol=1e-6)
+
+
+def test_a_state_continues_bit_for_bit_also_while_a_population_is_pending():
+    settings = _settings(restart_sigma=0.3)
+    search = OnDevice(DIMENSION, np.random.SeedSequence(4), settings)
+    for _ in range(20):
+        search.tell(_ellipsoid(search.ask()))
+    for pending in (False, True):
+        if pending:
+            search.ask()
+        copy = OnDevice(DIMENSION, np.random.SeedSequence(99), settings)
+        copy.load_state(search.state())
+        again = OnDevice(DIMENSION, np.random.SeedSequence(98), settings)
+        again.load_state(search.state())
+        for _ in range(30):
+            genomes = copy.ask()
+            np.testing.assert_array_equal(again.ask(), genomes)
+            copy.tell(_ellipsoid(genomes))
+            again.tell(_ellipsoid(genomes))
+
+
+def test_an_incomplete_state_is_refused():
+    sampler = CholeskySampler(DIMENSION, None)
+    search = OnDevice(DIMENSION, np.random.SeedSequence(5), _settings())
+    template = search._es._template
+    state = search._es.state()
+    del state["pc"]
+    fresh = DeviceStrategy(template, sampler, np.zeros(DIMENSION), 0)
+    with pytest.raises(StateError, match="pc"):
+        fresh.load_state(state)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU that torch can use")
+def test_the_setting_device_keeps_the_search_on_the_gpu():
+    settings = _settings(device="cuda")
+    search = make_optimizer(settings, DIMENSION, np.random.SeedSequence(6))
+    assert isinstance(search._es, DeviceStrategy)
+    for _ in range(1500):
+        search.tell(_ellipsoid(search.ask()))
+    np.testing.assert_allclose(search.mean, 1.0, atol=1e-6)
