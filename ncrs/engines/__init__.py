@@ -4,6 +4,7 @@
 - ``box2d``, ``pool``: the reference, one process per core.
 - ``batched``, ``rollout_kernels``, ``nca_kernels``, ``tiles``: the compiled engine, one thread per
   core; ``tapes`` records a rollout.
+- ``cuda``: the same on GPUs.
 - ``evaluate``: evaluation in one call, for scripts and notebooks.
 """
 

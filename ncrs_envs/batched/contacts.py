@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from ncrs_envs.batched.compiler import kernel
+from ncrs_envs.batched.compiler import inlined, kernel
 from ncrs_envs.batched.dynamics import limit_speeds, move_ball, move_robot, turn_to
 from ncrs_envs.batched.impact import Pose, time_of_impact
 from ncrs_envs.batched.impulses import Correction, correct_positions, solve_velocities
@@ -79,7 +79,7 @@ def move_with_contacts(world: World, state: State) -> None:
         _stop_at_impacts(world, near, state, start)
 
 
-@kernel
+@inlined
 def move_if_free(world: World, state: State) -> bool:
     """Move robot and ball for one step if the robot can touch nothing in it, else return False."""
     state.touched = False
@@ -91,7 +91,7 @@ def move_if_free(world: World, state: State) -> bool:
     return True
 
 
-@kernel
+@inlined
 def _move(world: World, state: State) -> None:
     """Move robot and ball for one step at their velocities."""
     limit_speeds(state)

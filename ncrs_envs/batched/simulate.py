@@ -87,7 +87,7 @@ def step_episode(
     return observe(world, state, observation)
 
 
-@kernel
+@inlined
 def push_robot(world: World, state: State, action: NDArray[np.floating]) -> None:
     """Change the velocities by wheels and drag: the first part of ``step_episode``."""
     apply_wheels(world, state, action)
@@ -95,7 +95,7 @@ def push_robot(world: World, state: State, action: NDArray[np.floating]) -> None
         apply_drag(state)
 
 
-@kernel
+@inlined
 def observe(world: World, state: State, observation: NDArray[np.floating]) -> float:
     """Write the sensor values, update the progress and return the reward: the last part."""
     sense(world, state, observation)

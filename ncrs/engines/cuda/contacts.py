@@ -124,7 +124,7 @@ def _time_together(
             wide[times + lane] = min(wide[times + lane], wide[times + lane + half])
         sync_warp()
         half //= 2
-    first = wide[times]
+    first: float = wide[times]
     sync_warp()
     return first
 

@@ -1,6 +1,6 @@
 """Where a block's numbers lie in shared memory, and the arguments of the kernels.
 
-Offsets and strides count float32 elements. States lie ``[pair][cell][episode of the pair][channel]``;
+Offsets and strides count float32 elements. States lie ``[pair][cell][episode of pair][channel]``;
 strides of 17 and 36 in place of 16 and 32 keep the threads of a warp, which read at the same offset
 of different cells, from waiting for the same memory bank.
 """
@@ -63,7 +63,7 @@ class HiddenLayers(NamedTuple):
 class Group(NamedTuple):
     """The episodes whose physics one warp computes, each by one of its first threads."""
 
-    index: int
+    genome: int
     """Index of the genome."""
     row: int
     """Its row in the buffers."""
@@ -147,7 +147,7 @@ class Buffers(NamedTuple):
 class Places(NamedTuple):
     """Offsets in a block's shared memory after the weights, for a body of some number of cells."""
 
-    count: int
+    cell_count: int
     """Number of cells."""
     constants: int
     """Each cell's constant sums."""

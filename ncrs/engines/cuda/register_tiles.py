@@ -14,6 +14,8 @@ checked.
 
 from __future__ import annotations
 
+from typing import Any
+
 from llvmlite import ir
 from numba.cuda import types
 from numba.cuda.core.errors import RequireLiteralValue
@@ -60,7 +62,7 @@ class _Memory:
         pointer = builder.gep(self._data, [place])
         return builder.bitcast(pointer, ir.VectorType(_FLOAT, lanes).as_pointer())
 
-    def load(self, offset, count: int) -> list:
+    def load(self, offset, count: int) -> list[Any]:
         """Load ``count`` elements from ``offset`` on, four at a time."""
         builder, values = self._builder, []
         for first in range(0, count, _VECTOR):
@@ -90,7 +92,7 @@ def _fused(builder, a, b, c):
     return builder.fma(a, b, c)
 
 
-def _unpacked(builder, tile, value) -> list:
+def _unpacked(builder, tile, value) -> list[Any]:
     return [builder.extract_value(value, index) for index in range(tile.rows * tile.lanes)]
 
 

@@ -84,7 +84,7 @@ def _load_weights(genome: Floats, channels: int, shared: Floats) -> None:
 
 @device_function
 def _number_cells(body: NDArray[np.int8], places: Places) -> None:
-    """Number the occupied cells row by row, by one thread."""
+    """Write the indices of the occupied cells, row by row, by one thread."""
     marks = cuda.shared.array(0, int32)
     n = body.shape[0]
     found = 0
@@ -110,7 +110,7 @@ def _write_constants(
     parts = part_codes.shape[0]
     channels = FIRST_PART_CHANNEL + parts + CHANGING_CHANNELS
     bias1 = HIDDEN_UNITS * channels * POSITIONS
-    for item in range(cuda.threadIdx.x, places.count * ROW, cuda.blockDim.x):
+    for item in range(cuda.threadIdx.x, places.cell_count * ROW, cuda.blockDim.x):
         cell, unit = item // ROW, item % ROW
         total = float32(0.0)
         if unit < HIDDEN_UNITS:
@@ -137,7 +137,7 @@ def _write_constants(
 def _write_neighbors(n: int, places: Places) -> None:
     """Write the index of each occupied cell's neighbour at each position, or -1."""
     marks = cuda.shared.array(0, int32)
-    for item in range(cuda.threadIdx.x, places.count * POSITIONS, cuda.blockDim.x):
+    for item in range(cuda.threadIdx.x, places.cell_count * POSITIONS, cuda.blockDim.x):
         cell, position = item // POSITIONS, item % POSITIONS
         place = marks[places.cells + cell]
         i = place // n + position // KERNEL_SIZE - _REACH
@@ -158,7 +158,7 @@ def _write_sensors(
     for item in range(cuda.threadIdx.x, sensors * episodes, cuda.blockDim.x):
         episode, sensor = item // sensors, item % sensors
         place = world.sensors[sensor].place
-        cell = (episode // PAIR) * places.count + marks[places.indices + place]
+        cell = (episode // PAIR) * places.cell_count + marks[places.indices + place]
         state = current + cell * STATE + episode % PAIR * CONTROL_LANES
         shared[state + IO_LANE] = shared[places.signals + episode * 2 * places.signal + place]
 
@@ -167,9 +167,9 @@ def _write_sensors(
 def _update_cells(shared: Floats, places: Places, pairs: int, current: int, updated: int) -> None:
     """Compute one step of the automaton in the block's pairs of episodes."""
     marks = cuda.shared.array(0, int32)
-    for item in range(cuda.threadIdx.x, pairs * places.count, cuda.blockDim.x):
-        pair, cell = item // places.count, item % places.count
-        first = current + pair * places.count * STATE
+    for item in range(cuda.threadIdx.x, pairs * places.cell_count, cuda.blockDim.x):
+        pair, cell = item // places.cell_count, item % places.cell_count
+        first = current + pair * places.cell_count * STATE
         tile = repeat_row(PAIR, HIDDEN_UNITS, shared, places.constants + cell * CONSTANT)
         for position in range(POSITIONS):
             source = marks[places.sources + cell * POSITIONS + position]
@@ -279,7 +279,7 @@ def roll_out(genomes: Genomes, courses: Courses, buffers: Buffers) -> None:
     state = buffers.states[row, episode]
     scratch = places.scratch + warp * SCRATCH
     group = Group(index, row, scenario_row, first_of_block + first_of_warp, number, scratch)
-    own_states = own // PAIR * places.count * STATE + own % PAIR * CONTROL_LANES
+    own_states = own // PAIR * places.cell_count * STATE + own % PAIR * CONTROL_LANES
     current, updated = places.states, places.updated
     total = 0.0
     if drives:
@@ -307,7 +307,7 @@ def roll_out(genomes: Genomes, courses: Courses, buffers: Buffers) -> None:
         cuda.syncthreads()
     if drives:
         outcome = buffers.outcomes[row, episode]
-        finite = _are_finite(shared, places.count, current + own_states)
+        finite = _are_finite(shared, places.cell_count, current + own_states)
         outcome.fitness = total / courses.steps if finite else math.nan
         outcome.success = state.success
         outcome.crossed = state.crossed

@@ -75,7 +75,8 @@ class DeviceStrategy:
 
     def tell(self, genomes: Sequence[Any], values: Sequence[float]) -> None:
         """Learn from the values of the population that was asked for, smaller is better."""
-        assert self._z is not None and self._y is not None and len(values) == len(self._y)
+        assert self._z is not None
+        assert self._y is not None
         constants, sampler = self._template.sp, self.sm
         order = torch.from_numpy(np.argsort(np.asarray(values))).to(sampler.device)
         y, z = self._y[order], self._z[order]

@@ -138,7 +138,7 @@ class MatrixSettings(OptimizerSettings):
     precision: str = "float32"
     """Precision of torch's matrices: float32 or float64."""
     device: str = "cpu"
-    """Device of torch's matrices: cpu or cuda."""
+    """Device of torch's matrices: cpu; or cuda, where the whole search stays on the GPU."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -190,6 +190,14 @@ class CMAESSettings(SearchSettings, MatrixSettings):
 
     covariance: ClassVar[str] = "full"
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.device != "cpu" and self.step_size == "tpa":
+            raise OptimizerError(
+                f"step_size=tpa is pycma's alone, which runs on the CPU; got device={self.device}: "
+                "choose step_size=csa or decay, or device=cpu."
+            )
+
 
 @dataclass
 class SepCMAESSettings(SearchSettings):
@@ -235,6 +243,7 @@ class EmitterSettings(CMASettings, MatrixSettings):
             self._refuse_changes(
                 ("linear_algebra", "precision", "device"), "A diagonal covariance has no matrices"
             )
+        _ = self.emitter  # refuses what a search refuses
 
     @property
     def maximises_fitness(self) -> bool:

@@ -1,0 +1,65 @@
+"""Small evaluations in which robots touch the light, walls and the ball from the first steps on.
+
+Run as a script, it evaluates them with the engine ``cuda`` in numba-cuda's simulator, which needs
+no GPU: ``NUMBA_ENABLE_CUDASIM=1 python cases.py FILE`` writes the results.
+"""
+
+import sys
+from dataclasses import replace
+from unittest import mock
+
+import numpy as np
+
+from ncrs.runs.published import load_champion
+from ncrs_envs.scenario import Scenario, sample_scenarios
+from ncrs_envs.tasks import TaskSettings
+
+STEPS = 3
+EPISODES = {"light_chase": 3, "obstacle": 2, "carry_ball": 2}
+TASKS = tuple(EPISODES)
+
+
+def genomes(task):
+    """Return a champion's genome, and one that grows nothing of use."""
+    champion = load_champion(f"{task}/best").genome
+    return np.stack([champion, 1e-6 * champion])
+
+
+def scenarios(task):
+    """Return scenarios in which the robot starts at the light, a wall or the ball."""
+    drawn = sample_scenarios(task, 1, EPISODES[task])
+    if task == "light_chase":
+        return [replace(case, light=(3.0 + i, 6.2)) for i, case in enumerate(drawn)]
+    if task == "carry_ball":
+        return [
+            replace(case, ball=(case.start[0] + i, case.start[1] + 6.1))
+            for i, case in enumerate(drawn)
+        ]
+    cases = []
+    for i, case in enumerate(drawn):
+        x, y = case.walls[0][-2]
+        cases.append(replace(case, start=(x + 4.5, y), light=(x + 4.5, y + 6.0 + i)))
+    return cases
+
+
+def evaluate(engine, module, task):
+    """Evaluate the cases of a task in a few steps; starts that overlap a wall are let pass."""
+    with (
+        mock.patch(f"{module}.MAX_EPISODE_STEPS", STEPS),
+        mock.patch.object(Scenario, "_check_start"),
+    ):
+        return engine(TaskSettings(task)).evaluate(genomes(task), scenarios(task))
+
+
+def main(path):
+    from ncrs.engines.cuda.engine import CUDAEngine
+
+    results = {}
+    for task in TASKS:
+        result = evaluate(CUDAEngine, "ncrs.engines.cuda.part", task)
+        results |= {f"{task} {name}": value for name, value in vars(result).items()}
+    np.savez(path, **results)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
