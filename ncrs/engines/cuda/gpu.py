@@ -34,6 +34,11 @@ def device_function(function: Function) -> Function:
     return cast(Function, cuda.jit(device=True)(function))
 
 
+def reused(function: Function) -> Function:
+    """Make a device function of one that numba compiles into its callers on the CPU."""
+    return cast(Function, device_function(function.py_func))  # type: ignore[attr-defined]
+
+
 if IS_SIMULATED:
     from ncrs.engines.cuda.simulated_tiles import (
         add_outer_products,
@@ -175,6 +180,7 @@ __all__ = [
     "processors",
     "rectified",
     "repeat_row",
+    "reused",
     "send",
     "store_clipped_sum",
     "sync_warp",

@@ -32,6 +32,7 @@ from ncrs.engines.cuda.gpu import (
     gpu_kernel,
     rectified,
     repeat_row,
+    reused,
     store_clipped_sum,
 )
 from ncrs.engines.cuda.growth import load_hidden_layers
@@ -64,6 +65,10 @@ _EMPTY = int(Cell.EMPTY)
 _REACH = KERNEL_SIZE // 2
 
 Floats = NDArray[np.float32]
+
+_push_robot = reused(push_robot)
+_move_if_free = reused(move_if_free)
+_observe = reused(observe)
 
 
 @device_function
@@ -299,11 +304,11 @@ def roll_out(genomes: Genomes, courses: Courses, buffers: Buffers) -> None:
                     total = math.nan
                 runs = math.isfinite(total)
                 if runs:
-                    push_robot(world, state, action)
-                    touches = not move_if_free(world, state)
+                    _push_robot(world, state, action)
+                    touches = not _move_if_free(world, state)
             move_together(courses, buffers, group, world, state, touches)
             if runs:
-                total += observe(world, state, observation)
+                total += _observe(world, state, observation)
         cuda.syncthreads()
     if drives:
         outcome = buffers.outcomes[row, episode]

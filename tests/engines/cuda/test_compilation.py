@@ -11,6 +11,7 @@ import numba
 from cuda.bindings import nvjitlink
 from numba import cuda, types
 from numba.cuda import dispatcher
+from numba.cuda.codegen import CUDACodeLibrary
 
 from ncrs.automaton.channels import nca_layout
 from ncrs.engines.cuda import layout
@@ -82,21 +83,30 @@ def _link(ptx, capability):
     return log.decode()
 
 
-@pytest.mark.parametrize("capability", CAPABILITIES, ids="{0[0]}.{0[1]}".format)
 @pytest.mark.parametrize("name", MAX_SPILLED)
-def test_a_kernel_compiles_within_its_bounds(name, capability, monkeypatch):
+def test_a_kernel_compiles_within_its_bounds(name, monkeypatch):
     genomes, courses, buffers = _arguments()
     kernel, arguments = {
         "grow_population": (make_growth_kernel(12), (genomes, 10)),
         "prepare_robots": (prepare_robots, (genomes, courses)),
         "roll_out": (roll_out, (genomes, courses, buffers)),
     }[name]
-    monkeypatch.setattr(dispatcher, "get_current_device", lambda: _Device(capability))
+    libraries = []
+    make_ptx = CUDACodeLibrary.get_asm_strs
+
+    def recorded(library, cc=None):
+        libraries.append(library)
+        return make_ptx(library, cc=cc)
+
+    monkeypatch.setattr(CUDACodeLibrary, "get_asm_strs", recorded)
+    monkeypatch.setattr(dispatcher, "get_current_device", lambda: _Device(CAPABILITIES[0]))
     signature = types.void(*(numba.typeof(argument) for argument in arguments))
-    ptx, _ = cuda.compile_ptx(kernel.py_func, signature, cc=capability)
-    assert f".target sm_{capability[0]}{capability[1]}" in ptx
-    report = _link(ptx, capability)
-    used = max(int(number) for number in re.findall(r"Used (\d+) registers", report))
-    spilled = max(int(number) for number in re.findall(r"(\d+) bytes spill stores", report))
-    assert 32 < used <= MAX_REGISTERS
-    assert spilled <= MAX_SPILLED[name]
+    cuda.compile_ptx(kernel.py_func, signature, cc=CAPABILITIES[0])
+    for capability in CAPABILITIES:  # only the last half of compilation knows the GPU
+        (ptx,) = make_ptx(libraries[0], cc=capability)
+        assert f".target sm_{capability[0]}{capability[1]}" in ptx
+        report = _link(ptx, capability)
+        used = max(int(number) for number in re.findall(r"Used (\d+) registers", report))
+        spilled = max(int(number) for number in re.findall(r"(\d+) bytes spill stores", report))
+        assert 32 < used <= MAX_REGISTERS
+        assert spilled <= MAX_SPILLED[name]
