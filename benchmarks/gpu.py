@@ -40,7 +40,7 @@ from ncrs.engines.cuda import gpu
 from ncrs.engines.cuda.devices import device_name
 from ncrs.evolution.archive import Archive
 from ncrs.evolution.optimizers import OPTIMIZERS, make_optimizer
-from ncrs.evolution.optimizers.settings import MatrixSettings, OptimizerSettings
+from ncrs.evolution.optimizers.settings import CMASettings, OptimizerSettings
 from ncrs.runs.elites import make_archive
 from ncrs.runs.published import champions, load_champion
 from ncrs_envs.scenario import sample_scenarios
@@ -171,8 +171,7 @@ def optimizer_settings() -> dict[str, OptimizerSettings]:
     made: dict[str, OptimizerSettings] = {}
     for name in sorted(OPTIMIZERS):
         kind = OPTIMIZERS[name].settings
-        is_full = issubclass(kind, MatrixSettings) and not kind().__dict__.get("diagonal", False)
-        made[name] = kind(device="cuda") if is_full else kind()  # type: ignore[call-arg]
+        made[name] = kind(device="cuda") if issubclass(kind, CMASettings) else kind()
     return made
 
 

@@ -140,10 +140,14 @@ class Optimizer(ABC):
                 malformed. Nothing is changed then, unless a matrix of the covariance was.
         """
         for key, value in self._identity().items():
-            if state.get(key) != value:
+            stored = state.get(key)
+            if key == "settings" and isinstance(stored, Mapping):
+                # A setting that is newer than the state was at what is now its default.
+                stored = {**asdict(type(self.settings)()), **stored}
+            if stored != value:
                 raise OptimizerError(
-                    f"Cannot continue: the state's {key} is {state.get(key)!r}, this optimizer's "
-                    f"is {value!r}."
+                    f"Cannot continue: the state's {key} is {stored!r}, this optimizer's is "
+                    f"{value!r}."
                 )
         try:
             check_names(state, self.state(), "The optimizer's state", ())

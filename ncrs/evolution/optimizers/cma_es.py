@@ -54,7 +54,7 @@ class CMAES(Optimizer):
         # Imported here so that the optimizers that need no torch do not load it.
         from ncrs.evolution.optimizers.cholesky_sampler import CholeskySampler
 
-        precision, device = self._matrices.precision, self._matrices.device
+        precision, device = self._matrices.precision, self.settings.device
         return CholeskySampler(self.dimension, self._randn, precision, device)
 
     def _make(self, start: NDArray[np.float64], sampler: Any) -> Any:
@@ -82,11 +82,14 @@ class CMAES(Optimizer):
             es = cma.CMAEvolutionStrategy(start, settings.sigma, options)
         if sampler is not None:
             _set_up_as_pycma_does(es, sampler)
-        if self._matrices is not None and self._matrices.device != "cpu":
-            from ncrs.evolution.optimizers.device_strategy import DeviceStrategy
+        if settings.device == "cpu":
+            return es
+        from ncrs.evolution.optimizers.device_strategy import DiagonalStrategy, FullStrategy
 
-            return DeviceStrategy(es, sampler, start, int(self._generator.integers(2**63)))
-        return es
+        seed = int(self._generator.integers(2**63))
+        if sampler is not None:
+            return FullStrategy(es, sampler, start, seed)
+        return DiagonalStrategy(es, settings.device, start, seed)
 
     @property
     def mean(self) -> NDArray[np.float64]:
@@ -100,7 +103,8 @@ class CMAES(Optimizer):
 
     def metrics(self) -> dict[str, float]:
         """Return sigma and condition number, and the counts of restarts and repairs in use."""
-        if self.settings.covariance != "full":
+        is_pycma = isinstance(self._es, cma.CMAEvolutionStrategy)
+        if is_pycma and self.settings.covariance != "full":
             deviations = np.asarray(self._es.sigma_vec.scaling, dtype=np.float64)
             condition = float((deviations.max() / deviations.min()) ** 2)
         else:

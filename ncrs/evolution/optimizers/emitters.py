@@ -80,7 +80,9 @@ class EmitterOptimizer(QDOptimizer):
             self._emitters[turn].restart(self._archive.draw(self._generator, 1)[0])
             self._idle[turn] = 0
             self._restarts += 1
-        self._kept[turn] = self._emitters[turn].state()
+        # On a GPU the copy takes longer than the turn: all are copied when a checkpoint is due.
+        on_gpu = self.settings.device != "cpu"
+        self._kept[turn] = None if on_gpu else self._emitters[turn].state()
         self._turn = (turn + 1) % len(self._emitters)
 
     def _emitter_state(self, index: int) -> State:

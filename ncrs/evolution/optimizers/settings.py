@@ -94,6 +94,8 @@ class CMASettings(OptimizerSettings):
     """With step_size=decay, sigma's factor per generation."""
     sigma_min: float = 0.0015
     """With step_size=decay, the sigma at which it stops shrinking."""
+    device: str = "cpu"
+    """Device of the search: cpu; or cuda, for a GPU that torch can use."""
 
     min_population: ClassVar[int] = 2
 
@@ -108,6 +110,11 @@ class CMASettings(OptimizerSettings):
                     "are recombined; enlarge it, or set parents=null for half of it."
                 )
         _check_choice("step_size", self.step_size, STEP_SIZES)
+        if self.device != "cpu" and self.step_size == "tpa":
+            raise OptimizerError(
+                f"step_size=tpa is pycma's alone, which runs on the CPU; got device={self.device}: "
+                "choose step_size=csa or decay, or device=cpu."
+            )
         if self.step_size != "decay":
             reason = f"step_size={self.step_size} has no schedule"
             self._refuse_changes(("sigma_decay", "sigma_min"), reason)
@@ -137,8 +144,6 @@ class MatrixSettings(OptimizerSettings):
     which take 16 s every 8th generation at 4,572 weights."""
     precision: str = "float32"
     """Precision of torch's matrices: float32 or float64."""
-    device: str = "cpu"
-    """Device of torch's matrices: cpu; or cuda, where the whole search stays on the GPU."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -190,14 +195,6 @@ class CMAESSettings(SearchSettings, MatrixSettings):
 
     covariance: ClassVar[str] = "full"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.device != "cpu" and self.step_size == "tpa":
-            raise OptimizerError(
-                f"step_size=tpa is pycma's alone, which runs on the CPU; got device={self.device}: "
-                "choose step_size=csa or decay, or device=cpu."
-            )
-
 
 @dataclass
 class SepCMAESSettings(SearchSettings):
@@ -241,9 +238,8 @@ class EmitterSettings(CMASettings, MatrixSettings):
         _check_minimum("patience", self.patience, 1)
         if self.diagonal:
             self._refuse_changes(
-                ("linear_algebra", "precision", "device"), "A diagonal covariance has no matrices"
+                ("linear_algebra", "precision"), "A diagonal covariance has no matrices"
             )
-        _ = self.emitter  # refuses what a search refuses
 
     @property
     def maximises_fitness(self) -> bool:

@@ -5,23 +5,40 @@ import torch
 from ncrs.evolution.optimizers import make_optimizer
 from ncrs.evolution.optimizers.cholesky_sampler import CholeskySampler
 from ncrs.evolution.optimizers.cma_es import CMAES
-from ncrs.evolution.optimizers.device_strategy import DeviceStrategy
-from ncrs.evolution.optimizers.settings import CMAESSettings
+from ncrs.evolution.optimizers.device_strategy import (
+    DeviceStrategy,
+    DiagonalStrategy,
+    FullStrategy,
+)
+from ncrs.evolution.optimizers.settings import (
+    CMAESSettings,
+    CMAMESettings,
+    IsoCMAESSettings,
+    OptimizerError,
+    SepCMAESSettings,
+)
 from ncrs.evolution.schema import StateError
 
 DIMENSION = 30
 
 
 class OnDevice(CMAES):
-    """CMA-ES on a torch device, here the CPU, with given standard normal numbers if wanted."""
+    """CMA-ES on a torch device, here the CPU."""
 
     def _make(self, start, sampler):
         template = super()._make(start, sampler)
-        return DeviceStrategy(template, sampler, start, int(self._generator.integers(2**63)))
+        seed = int(self._generator.integers(2**63))
+        if sampler is None:
+            return DiagonalStrategy(template, "cpu", start, seed)
+        return FullStrategy(template, sampler, start, seed)
 
 
-def _settings(**changes):
-    return CMAESSettings(population=12, sigma=0.5, precision="float64", **changes)
+def _settings(kind=CMAESSettings, **changes):
+    if kind is CMAESSettings:
+        changes["precision"] = "float64"
+    else:
+        changes = {"step_size": "csa", "parents": None, **changes}
+    return kind(population=12, sigma=0.5, **changes)
 
 
 def _ellipsoid(genomes):
@@ -29,16 +46,25 @@ def _ellipsoid(genomes):
     return -np.square((genomes - 1.0) * scales).sum(axis=1)
 
 
-@pytest.mark.parametrize("changes", [{}, {"parents": 3}, {"step_size": "decay"}])
-def test_it_makes_the_steps_that_pycma_makes(changes, monkeypatch):
+@pytest.mark.parametrize(
+    ("kind", "changes"),
+    [
+        (CMAESSettings, {}),
+        (CMAESSettings, {"parents": 3}),
+        (SepCMAESSettings, {}),
+        (SepCMAESSettings, {"parents": 3, "step_size": "decay"}),
+        (IsoCMAESSettings, {}),
+    ],
+)
+def test_it_makes_the_steps_that_pycma_makes(kind, changes, monkeypatch):
     seed = np.random.SeedSequence(1)
-    reference = CMAES(DIMENSION, seed, _settings(**changes))
-    ours = OnDevice(DIMENSION, seed, _settings(**changes))
+    reference = CMAES(DIMENSION, seed, _settings(kind, **changes))
+    ours = OnDevice(DIMENSION, seed, _settings(kind, **changes))
     normal = np.random.default_rng(2)
     drawn = []
     monkeypatch.setattr(reference._es.sm, "randn", lambda *shape: drawn[-1])
     monkeypatch.setattr(torch, "randn", lambda shape, **_: torch.from_numpy(drawn[-1]))
-    for _ in range(400):
+    for _ in range(150):
         drawn.append(normal.standard_normal((12, DIMENSION)))
         expected, genomes = reference.ask(), ours.ask()
         np.testing.assert_allclose(genomes, expected, rtol=1e-7, atol=1e-9)
@@ -46,19 +72,29 @@ def test_it_makes_the_steps_that_pycma_makes(changes, monkeypatch):
         reference.tell(fitness)
         ours.tell(fitness)
         assert ours.sigma == pytest.approx(reference.sigma, rel=1e-8)
-    np.testing.assert_allclose(ours._es.sm.covariance(), reference._es.sm.covariance(), rtol=1e-6)
-    assert ours.sigma < 0.4
+    if kind is CMAESSettings:
+        covariance = reference._es.sm.covariance()
+        np.testing.assert_allclose(ours._es.sm.covariance(), covariance, rtol=1e-6)
+    else:
+        scales = reference._es.sigma_vec.scaling
+        np.testing.assert_allclose(ours._es._scales.numpy(), scales, rtol=1e-8)
+    condition = ours.metrics()["condition_number"]
+    assert condition == pytest.approx(reference.metrics()["condition_number"], rel=1e-6)
+    assert (condition > 1.5) == (kind is not IsoCMAESSettings)
+    assert ours.sigma < 0.49
 
 
-def test_it_reaches_the_optimum_of_an_ellipsoid():
-    search = OnDevice(DIMENSION, np.random.SeedSequence(3), _settings())
+@pytest.mark.parametrize("kind", [CMAESSettings, SepCMAESSettings])
+def test_it_reaches_the_optimum_of_an_ellipsoid(kind):
+    search = OnDevice(DIMENSION, np.random.SeedSequence(3), _settings(kind))
     for _ in range(1500):
         search.tell(_ellipsoid(search.ask()))
     np.testing.assert_allclose(search.mean, 1.0, atol=1e-6)
 
 
-def test_a_state_continues_bit_for_bit_also_while_a_population_is_pending():
-    settings = _settings(restart_sigma=0.3)
+@pytest.mark.parametrize("kind", [CMAESSettings, SepCMAESSettings])
+def test_a_state_continues_bit_for_bit_also_while_a_population_is_pending(kind):
+    settings = _settings(kind, restart_sigma=0.3)
     search = OnDevice(DIMENSION, np.random.SeedSequence(4), settings)
     for _ in range(20):
         search.tell(_ellipsoid(search.ask()))
@@ -82,14 +118,21 @@ def test_an_incomplete_state_is_refused():
     template = search._es._template
     state = search._es.state()
     del state["pc"]
-    fresh = DeviceStrategy(template, sampler, np.zeros(DIMENSION), 0)
+    fresh = FullStrategy(template, sampler, np.zeros(DIMENSION), 0)
     with pytest.raises(StateError, match="pc"):
         fresh.load_state(state)
 
 
+def test_step_sizes_of_pycma_alone_are_refused_on_a_gpu():
+    for kind in (CMAESSettings, SepCMAESSettings, CMAMESettings):
+        with pytest.raises(OptimizerError, match="step_size=tpa"):
+            kind(step_size="tpa", device="cuda")
+
+
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU that torch can use")
-def test_the_setting_device_keeps_the_search_on_the_gpu():
-    settings = _settings(device="cuda")
+@pytest.mark.parametrize("kind", [CMAESSettings, SepCMAESSettings])
+def test_the_setting_device_keeps_the_search_on_the_gpu(kind):
+    settings = _settings(kind, device="cuda")
     search = make_optimizer(settings, DIMENSION, np.random.SeedSequence(6))
     assert isinstance(search._es, DeviceStrategy)
     for _ in range(1500):

@@ -71,7 +71,7 @@ def test_an_invalid_schedule_is_refused(settings, message):
         (
             "cma_me",
             {"diagonal": True, "precision": "float64", "device": "cuda"},
-            "no matrices: leave out precision, device",
+            "no matrices: leave out precision",
         ),
         ("cma_mae", {"learning_rate": 1.5}, "learning_rate must be from 0 to 1"),
         ("cma_mae", {"threshold_min": float("nan")}, "threshold_min"),
