@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any, ClassVar
 
 import numpy as np
@@ -143,7 +143,7 @@ class Optimizer(ABC):
             stored = state.get(key)
             if key == "settings" and isinstance(stored, Mapping):
                 # A setting that is newer than the state was at what is now its default.
-                stored = {**asdict(type(self.settings)()), **stored}
+                stored = {**{item.name: item.default for item in fields(self.settings)}, **stored}
             if stored != value:
                 raise OptimizerError(
                     f"Cannot continue: the state's {key} is {stored!r}, this optimizer's is "
