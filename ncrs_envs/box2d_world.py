@@ -78,22 +78,24 @@ class RobotWorld:
             gas: One value in [-1, 1] per wheel in row order, shape ``(wheels,)``.
         """
         robot = self._robot
-        cos, sin = math.cos(robot.angle), math.sin(robot.angle)
-        v_x, v_y = robot.linearVelocity
+        angle, velocity = robot.angle, robot.linearVelocity
+        cos, sin = math.cos(angle), math.sin(angle)
+        v_x, v_y = velocity.x, velocity.y  # unpacking Box2D's vectors is slow
         twist = np.array([cos * v_x + sin * v_y, cos * v_y - sin * v_x, robot.angularVelocity])
         f_x, f_y, torque = self._wheels.wrench(gas, twist).tolist()
         robot.ApplyForceToCenter((cos * f_x - sin * f_y, sin * f_x + cos * f_y), True)
         robot.ApplyTorque(torque, True)
         if self._ball is not None:
-            b_x, b_y = self._ball.linearVelocity
-            self._ball.ApplyForceToCenter((-BALL_DRAG * b_x, -BALL_DRAG * b_y), True)
+            velocity = self._ball.linearVelocity
+            drag = (-BALL_DRAG * velocity.x, -BALL_DRAG * velocity.y)
+            self._ball.ApplyForceToCenter(drag, True)
         self._world.Step(DT, _VELOCITY_ITERATIONS, _POSITION_ITERATIONS)
 
     @property
     def pose(self) -> Pose:
         """Robot centre x and y in world units, and heading angle in radians (0 is +y)."""
-        x, y = self._robot.position
-        return (x, y, self._robot.angle)
+        position = self._robot.position
+        return (position.x, position.y, self._robot.angle)
 
     @property
     def twist(self) -> Pose:
@@ -106,8 +108,8 @@ class RobotWorld:
         """Ball centre in world units; None in worlds without a ball."""
         if self._ball is None:
             return None
-        x, y = self._ball.position
-        return (x, y)
+        position = self._ball.position
+        return (position.x, position.y)
 
     @property
     def touching(self) -> bool:

@@ -15,8 +15,6 @@ from ncrs_envs.body import (
     DEFAULT_GRID_SIZE,
     BodyGrid,
     parse_body,
-    sensor_mask,
-    wheel_mask,
 )
 from ncrs_envs.env_docs import CARRY_BALL_DOC, LIGHT_CHASE_DOC, OBSTACLE_DOC
 from ncrs_envs.episode import Episode, Robot
@@ -176,11 +174,11 @@ class RobotEnv(_BaseEnv):
         return self._episode.observation, reward, terminated, False, self._info(self._episode)
 
     def _info(self, episode: Episode) -> dict[str, Any]:
-        body = episode.robot.body
+        robot = episode.robot
         info: dict[str, Any] = {
-            "body": body.copy(),
-            "sensor_mask": sensor_mask(body),
-            "wheel_mask": wheel_mask(body),
+            "body": robot.body.copy(),
+            "sensor_mask": robot.sensor_mask.copy(),
+            "wheel_mask": robot.wheel_mask.copy(),
             "pose": np.array(episode.pose),
             "success": episode.success,
         }

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs_envs.body import BodyGrid, Cell, cell_centers, sensor_mask
+from ncrs_envs.body import BodyGrid, Cell, cell_centers, sensor_mask, wheel_mask
 from ncrs_envs.box2d_world import Pose, RobotWorld
 from ncrs_envs.physics import WheelModel, wheel_model
 from ncrs_envs.rendering import Scene
@@ -25,9 +25,13 @@ class Robot:
     def __init__(self, body: BodyGrid) -> None:
         self.body = body
         self.wheels: WheelModel = wheel_model(body)
-        self.sensor_cells = np.flatnonzero(sensor_mask(body))
+        self.sensor_mask = sensor_mask(body)
+        self.wheel_mask = wheel_mask(body)
+        self.sensor_cells = np.flatnonzero(self.sensor_mask)
         self.sensor_points = cell_centers(body.shape[0]).reshape(-1, 2)[self.sensor_cells]
-        self.senses_target = body.reshape(-1)[self.sensor_cells] == Cell.TARGET_SENSOR
+        codes = body.reshape(-1)[self.sensor_cells]
+        self.senses_target = (codes == Cell.TARGET_SENSOR).astype(np.intp)
+        """For each sensor 1 if it senses the target, 0 if the light or the ball."""
 
 
 class Episode:
@@ -46,6 +50,8 @@ class Episode:
         self.world = RobotWorld(robot.body, robot.wheels, scenario)
         self.success = False
         self.crossed = False
+        self._task = settings.task
+        self._rotation = np.empty((2, 2))
         self._extent = playfield(settings.grid_size)
         self._read_poses()
         self.closest: tuple[float, ...] = (math.inf,) * len(self.distances)
@@ -55,6 +61,8 @@ class Episode:
         """Read the positions of robot and ball, once per step."""
         self.pose: Pose = self.world.pose
         self.ball: Point | None = self.world.ball
+        self.distances: tuple[float, ...] = self._distances()
+        """Distances in units: robot to light; in CarryBall robot to ball, and ball to target."""
 
     def step(self, action: NDArray[np.floating]) -> float:
         """Advance one control step and return the reward.
@@ -63,7 +71,7 @@ class Episode:
             action: Finite gas per cell, shape ``(n, n)``; read in wheel cells, clipped to [-1, 1].
         """
         gas = action.reshape(-1)[self.robot.wheels.wheel_cells].astype(np.float64)
-        self.world.step(np.clip(gas, -1.0, 1.0))
+        self.world.step(np.minimum(np.maximum(gas, -1.0), 1.0))
         self._read_poses()
         distances = self.distances
         self.closest = tuple(map(min, self.closest, distances))
@@ -72,13 +80,13 @@ class Episode:
         return self._reward(distances)
 
     def _succeeds(self) -> bool:
-        succeeds = self.settings.task.succeeds
+        succeeds = self._task.succeeds
         if succeeds is not None:
             return bool(succeeds(self))
         return self.closest[-1] <= self.settings.radius
 
     def _reward(self, distances: Sequence[float]) -> float:
-        task = self.settings.task
+        task = self._task
         if task.reward is None:
             kind = self.settings.distance_score
             return sum(distance_score(d, self._extent, kind) for d in distances) / len(distances)
@@ -109,9 +117,7 @@ class Episode:
             success_radius=self.settings.radius,
         )
 
-    @property
-    def distances(self) -> tuple[float, ...]:
-        """Distances in units: robot to light; in CarryBall robot to ball, and ball to target."""
+    def _distances(self) -> tuple[float, ...]:
         x, y, _ = self.pose
         if self.ball is not None and self.scenario.target is not None:
             return (math.dist((x, y), self.ball), math.dist(self.ball, self.scenario.target))
@@ -131,15 +137,19 @@ class Episode:
         """Values of the sensors in row order, in (0, 1], shape ``(sensors,)``."""
         x, y, angle = self.pose
         cos, sin = math.cos(angle), math.sin(angle)
-        points = self.robot.sensor_points @ np.array([[cos, sin], [-sin, cos]])
+        rotation = self._rotation
+        rotation[0, 0], rotation[0, 1], rotation[1, 0], rotation[1, 1] = cos, sin, -sin, cos
+        points = self.robot.sensor_points @ rotation
         seen = self.ball if self.ball is not None else self.scenario.light
         assert seen is not None
-        offsets = points + (x - seen[0], y - seen[1])
-        if self.scenario.target is not None:
+        if self.scenario.target is None:
+            offsets = points + np.array([x - seen[0], y - seen[1]])
+        else:
             target_x, target_y = self.scenario.target
-            to_target = points + (x - target_x, y - target_y)
-            offsets = np.where(self.robot.senses_target[:, None], to_target, offsets)
-        distances = np.sqrt((offsets**2).sum(axis=1))
+            both = np.array([[x - seen[0], y - seen[1]], [x - target_x, y - target_y]])
+            offsets = points + both[self.robot.senses_target]
+        squares = offsets * offsets
+        distances = np.sqrt(squares[:, 0] + squares[:, 1])
         if self.settings.distance_score == "exponential":
             return np.asarray(np.exp(-distances / self._extent))
         return np.asarray((distances / self._extent + 1.0) ** -2)

@@ -17,6 +17,9 @@ from ncrs_envs.batched.layout import Contact, Point
 IS_SIMULATED = bool(config.ENABLE_CUDASIM)
 """True where kernels run in numba-cuda's simulator, without a GPU."""
 
+# numba-cuda warns of every launch of few blocks, which small populations cannot avoid.
+config.CUDA_LOW_OCCUPANCY_WARNINGS = 0
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 MAX_REGISTERS = 128
