@@ -25,6 +25,18 @@ def offer(archive, measures, fitness, genomes=None, **others):
     )
 
 
+def test_genomes_of_one_triple_are_judged_in_turn_and_the_best_is_kept():
+    archive = make()
+    triples = [[1, 2, 5]] * 4 + [[2, 2, 5]]
+    added = offer(archive, triples, [0.2, 0.5, 0.4, np.nan, 0.6])
+    new, improved, none = AddStatus.NEW, AddStatus.IMPROVED, AddStatus.NONE
+    assert added.status.tolist() == [new, improved, none, none, new]
+    np.testing.assert_allclose(added.improvement, [0.2, 0.3, -0.1, np.nan, 0.6])
+    assert archive.column("fitness").tolist() == [0.5, 0.6]
+    assert archive.column("genomes")[:, 0].tolist() == [1 * DIMENSION, 4 * DIMENSION]
+    assert archive.column("bodies")[:, 0, 0].tolist() == [1, 4]
+
+
 @pytest.mark.parametrize(
     ("sensors", "side", "count"), [(1, 5, 2300), (2, 5, 2024), (1, 3, 84), (1, 9, 85320)]
 )
