@@ -20,7 +20,7 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatc
 @without_gpu
 def test_a_missing_gpu_is_one_sentence_and_leaves_no_run(tmp_path):
     pytest.importorskip("numba_cuda", reason="needs the extra cuda")
-    with pytest.raises(EngineSettingError, match="No NVIDIA GPU can be used here .*batched"):
+    with pytest.raises(EngineSettingError, match=r"No NVIDIA GPU can be used here .*batched"):
         train(tmp_path / "run", engine="cuda", generations=1, progress=False)
     assert not (tmp_path / "run" / "config.json").exists()
 
