@@ -56,7 +56,8 @@ class EngineSettings:
 
     def __post_init__(self) -> None:
         check_types(self, ConfigError)
-        resolve_engine(self.name)
+        if self.name != AUTO_ENGINE:  # which is resolved only where it is used
+            resolve_engine(self.name)
         check_workers(self.workers)
 
 

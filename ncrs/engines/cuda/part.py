@@ -79,6 +79,7 @@ class Device:
         self._settings = settings
         self._layout = layout
         self._kept: dict[Any, Any] = {}
+        self._sizes: dict[int, int] = {}
         self._grow = Launcher(make_growth_kernel(layout.channels))
         self._prepare = Launcher(prepare_robots)
         self._roll_out = Launcher(roll_out)
@@ -89,6 +90,14 @@ class Device:
 
     def parts(self, population: int, episodes: int) -> Iterator[slice]:
         """Return the parts in which a population can be evaluated on this GPU."""
+        if episodes not in self._sizes:
+            self._sizes[episodes] = self._part_size(episodes)
+        size = self._sizes[episodes]
+        for start in range(0, population, size):
+            yield slice(start, min(start + size, population))
+
+    def _part_size(self, episodes: int) -> int:
+        """Return the number of genomes that fit into the memory that is free now."""
         per_genome = 4 * self._layout.num_parameters + sum(
             dtype_of(kind).itemsize * number * episodes
             for kind, number in (
@@ -100,9 +109,7 @@ class Device:
         )
         fitting = int(_MEMORY_SHARE * free_memory()) // per_genome
         quick = _STEPS_AT_ONCE // (episodes * MAX_EPISODE_STEPS)
-        size = max(1, min(fitting, quick))
-        for start in range(0, population, size):
-            yield slice(start, min(start + size, population))
+        return max(1, min(fitting, quick))
 
     @property
     def _contacts(self) -> int:
