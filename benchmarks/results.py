@@ -22,7 +22,7 @@ import yaml
 from PIL import Image
 
 from ncrs.commands.archive import reestimated
-from ncrs.engines.base import AUTO_ENGINE, ENGINES
+from ncrs.engines.base import AUTO_ENGINE, usable_engines
 from ncrs.engines.evaluate import EPISODES
 from ncrs.runs.assessment import Assessment, assess
 from ncrs.runs.champion import CHAMPION_FILE, Champion, load_champion_file
@@ -56,7 +56,7 @@ def tested(champion: Champion) -> dict[str, Assessment]:
     """Assess a champion on each engine."""
     return {
         engine: assess(champion, engine=engine, episodes=TEST_EPISODES, seed=SEED)
-        for engine in sorted(ENGINES)
+        for engine in usable_engines()
     }
 
 

@@ -27,7 +27,7 @@ from benchmarks.workload import (
 )
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCAPopulation
-from ncrs.engines.base import ENGINES
+from ncrs.engines.base import usable_engines
 from ncrs.runs.settings import EngineSettings
 from ncrs_envs.cores import available_cores
 from ncrs_envs.tasks import TASKS, TaskSettings
@@ -62,12 +62,12 @@ def vector_speed(
 
 def measure(repeats: int) -> dict[str, Any]:
     """Measure all figures."""
-    result: dict[str, Any] = {engine: {} for engine in sorted(ENGINES)}
+    result: dict[str, Any] = {engine: {} for engine in usable_engines()}
     result["vector"] = {}
     result["gemm_gflops"] = gemm_gflops()
     for task in TASKS:
         genomes = nearly_full_genomes(task)
-        for engine in sorted(ENGINES):
+        for engine in usable_engines():
             chosen = genomes[:_BOX2D_GENOMES] if engine == "box2d" else genomes
             result[engine][task] = rollout_speed(
                 EngineSettings(engine), TaskSettings(task), chosen, repeats=repeats
@@ -83,7 +83,7 @@ def _table(result: dict[str, Any]) -> str:
         "",
         f"{'env steps/s':<12}" + "".join(f"{task:>14}" for task in TASKS),
     ]
-    for name in (*sorted(ENGINES), "vector"):
+    for name in (*usable_engines(), "vector"):
         lines.append(f"{name:<12}" + "".join(f"{result[name][t]:>14,.0f}" for t in TASKS))
     authors = AUTHORS_STEPS_PER_S_AND_CORE * cores
     ratio = [result["batched"][t] / result["box2d"][t] for t in TASKS]

@@ -282,6 +282,11 @@ def has_gpu() -> bool:
     return True
 
 
+def usable_engines() -> list[str]:
+    """Return the names of the engines that can run here, in order."""
+    return sorted(name for name in ENGINES if name != CUDA_ENGINE or has_gpu())
+
+
 def _has_driver() -> bool:
     """Return True if a driver for NVIDIA GPUs is installed; asking numba-cuda takes a second."""
     name = "nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1"

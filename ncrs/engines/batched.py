@@ -46,11 +46,7 @@ class BatchedEngine(Engine):
     name = "batched"
 
     def __init__(self, settings: TaskSettings, workers: int | None = None) -> None:
-        if settings.task.needs_box2d:
-            raise EngineSettingError(
-                f"{settings.name} has its own reward or condition of success, which only Box2D "
-                "runs: choose the engine box2d."
-            )
+        check_compiled_rules(settings)
         super().__init__(settings, workers)
 
     def _rollout(
@@ -83,13 +79,7 @@ class BatchedEngine(Engine):
         for kernel in (grow, roll_out):
             kernel(np.arange(0))  # no genomes: compiles, or loads from disk
         self._spread(grow, np.arange(population), _GROWTH_CHUNK, should_stop)
-        for genome in np.flatnonzero(~grown.finite):
-            warnings.warn(
-                f"The NCA's state of genome {genome} turned non-finite during growth; it has no "
-                "body. Its weights are too large.",
-                NonFiniteStateWarning,
-                stacklevel=3,
-            )
+        warn_of_growth(grown.finite)
         valid = np.flatnonzero(settings.task.is_valid(grown.bodies))
         self._spread(roll_out, valid, 1, should_stop)
         return RolloutResult(grown.bodies, *outcomes)
@@ -115,6 +105,26 @@ class BatchedEngine(Engine):
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
+
+
+def check_compiled_rules(settings: TaskSettings) -> None:
+    """Raise ``EngineSettingError`` if a task has rules that are not compiled."""
+    if settings.task.needs_box2d:
+        raise EngineSettingError(
+            f"{settings.name} has its own reward or condition of success, which only Box2D "
+            "runs: choose the engine box2d."
+        )
+
+
+def warn_of_growth(finite: NDArray[np.bool_]) -> None:
+    """Warn of each genome whose states did not stay finite during growth, ``(P,)``."""
+    for genome in np.flatnonzero(~finite):
+        warnings.warn(
+            f"The NCA's state of genome {genome} turned non-finite during growth; it has no "
+            "body. Its weights are too large.",
+            NonFiniteStateWarning,
+            stacklevel=4,
+        )
 
 
 def scenario_table(rows: ScenarioRows, grid_size: int) -> Scenarios:

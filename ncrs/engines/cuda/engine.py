@@ -7,7 +7,6 @@ value of an episode is computed by threads that work on that episode alone.
 from __future__ import annotations
 
 import itertools
-import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
@@ -17,14 +16,12 @@ from numpy.typing import NDArray
 
 from ncrs.engines.base import (
     Engine,
-    EngineSettingError,
     EvaluationInterrupted,
-    NonFiniteStateWarning,
     RolloutResult,
     ScenarioRows,
     StopCheck,
 )
-from ncrs.engines.batched import scenario_table
+from ncrs.engines.batched import check_compiled_rules, scenario_table, warn_of_growth
 from ncrs.engines.cuda.devices import check_devices, on_device
 from ncrs.engines.cuda.part import Device, PartResult
 from ncrs_envs.batched.layout import Scenarios
@@ -53,11 +50,7 @@ class CUDAEngine(Engine):
         workers: int | None = None,
         devices: Sequence[int] = (0,),
     ) -> None:
-        if settings.task.needs_box2d:
-            raise EngineSettingError(
-                f"{settings.name} has its own reward or condition of success, which only Box2D "
-                "runs: choose the engine box2d."
-            )
+        check_compiled_rules(settings)
         super().__init__(settings, workers)
         check_devices(devices)
         self.devices = tuple(devices)
@@ -95,13 +88,7 @@ class CUDAEngine(Engine):
             with ThreadPoolExecutor(len(shares), "ncrs-cuda") as pool:
                 parts = list(itertools.chain(*pool.map(evaluate, shares, self.devices)))
         whole = PartResult(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-        for genome in np.flatnonzero(~whole.finite):
-            warnings.warn(
-                f"The NCA's state of genome {genome} turned non-finite during growth; it has no "
-                "body. Its weights are too large.",
-                NonFiniteStateWarning,
-                stacklevel=3,
-            )
+        warn_of_growth(whole.finite)
         return RolloutResult(
             whole.bodies, whole.episode_fitness, whole.success, whole.crossed, whole.closest
         )
