@@ -22,6 +22,8 @@ PAPER_TRIPLES = 2024
 SEED_LENGTH = 4
 """Number of integers that identify an elite's scenarios, see ``Archive.add``."""
 NO_CELL = -1
+NO_ROW = -1
+_FIRST_ROOM = 64
 STANDING_STILL_MARGIN = 0.01
 """An elite beats standing still if it earns at least this much more: a robot that merely creeps
 gains less (0.01 is about 1.4 units nearer to LightChase's light, averaged over an episode)."""
@@ -71,14 +73,13 @@ class MeasureSpace:
     def triples(self) -> NDArray[np.int64]:
         """All triples in lexicographic order, ``(K, 3)``."""
         axis = np.arange(self.max_cells + 1)
-        sensors, wheels, cells = np.meshgrid(axis, axis, axis, indexing="ij")
-        possible = (sensors >= self.min_sensors) & (wheels >= self.min_wheels)
-        possible &= sensors + wheels <= cells
-        return np.argwhere(possible)
+        sensors, wheels, cells = np.meshgrid(axis, axis, axis, indexing="ij", sparse=True)
+        enough = (sensors >= self.min_sensors) & (wheels >= self.min_wheels)
+        return np.argwhere(enough & (sensors + wheels <= cells))
 
     @cached_property
-    def _table(self) -> NDArray[np.int64]:
-        table = np.full((self.max_cells + 1,) * 3, NO_CELL, dtype=np.int64)
+    def _table(self) -> NDArray[np.int32]:
+        table = np.full((self.max_cells + 1,) * 3, NO_CELL, dtype=np.int32)
         table[tuple(self.triples.T)] = np.arange(len(self.triples))
         return table
 
@@ -86,7 +87,7 @@ class MeasureSpace:
         """Find each row of ``measures`` in ``triples``: its index, ``(P,)``; -1 if it has none."""
         inside = ((measures >= 0) & (measures <= self.max_cells)).all(axis=1)
         clipped = np.clip(measures, 0, self.max_cells)
-        return np.where(inside, self._table[tuple(clipped.T)], NO_CELL)
+        return np.where(inside, self._table[tuple(clipped.T)], NO_CELL).astype(np.int64)
 
 
 class Archive:
@@ -102,30 +103,47 @@ class Archive:
         self.space = space
         self.dimension = int(dimension)
         self.grid_size = int(grid_size)
-        size = len(space.triples)
-        # Pages of zeros take no memory before they are written to.
+        self._clear()
+
+    def _clear(self) -> None:
+        n = self.grid_size
+        # Bodies of 15 x 15 cells have 1.9 million triples: only elites take memory.
+        self._rows = np.full(len(self.space.triples), NO_ROW, dtype=np.int32)
         self._columns: dict[str, NDArray[Any]] = {
-            "genomes": np.zeros((size, dimension), dtype=np.float32),
-            "bodies": np.zeros((size, grid_size, grid_size), dtype=np.int8),
-            "fitness": np.full(size, np.nan),
-            "success": np.full(size, np.nan),
-            "standing_still": np.full(size, np.nan),
-            "generations": np.zeros(size, dtype=np.int64),
-            "seeds": np.zeros((size, SEED_LENGTH), dtype=np.int64),
+            "genomes": np.zeros((0, self.dimension), dtype=np.float32),
+            "bodies": np.zeros((0, n, n), dtype=np.int8),
+            "fitness": np.zeros(0),
+            "success": np.zeros(0),
+            "standing_still": np.zeros(0),
+            "generations": np.zeros(0, dtype=np.int64),
+            "seeds": np.zeros((0, SEED_LENGTH), dtype=np.int64),
         }
+        self._cells = np.zeros(0, dtype=np.int64)
 
     def __len__(self) -> int:
         """Return the number of elites."""
-        return int(self._filled.sum())
-
-    @property
-    def _filled(self) -> NDArray[np.bool_]:
-        return np.asarray(~np.isnan(self._columns["fitness"]))
+        return len(self._cells)
 
     @property
     def cells(self) -> NDArray[np.int64]:
-        """Indices of the filled cells in ascending order, ``(E,)``."""
-        return np.flatnonzero(self._filled)
+        """Indices of the filled cells in ascending order, ``(E,)``, a copy."""
+        return self._cells.copy()
+
+    def _occupied(self) -> NDArray[np.int32]:
+        """Rows of the elites in the columns, in the order of ``cells``."""
+        return self._rows[self._cells]
+
+    def _fill(self, cells: NDArray[np.int64]) -> None:
+        """Give rows to empty cells."""
+        rows = np.arange(len(self), len(self) + len(cells))
+        room = len(self._columns["fitness"])
+        if len(cells) and rows[-1] >= room:
+            more = max(rows[-1] + 1 - room, min(room, len(self._rows) - room), _FIRST_ROOM)
+            for name, column in self._columns.items():
+                empty = np.zeros((more, *column.shape[1:]), dtype=column.dtype)
+                self._columns[name] = np.concatenate([column, empty])
+        self._rows[cells] = rows
+        self._cells = np.sort(np.concatenate([self._cells, cells]))
 
     def column(self, name: str) -> NDArray[Any]:
         """Copy one property of all elites, in the order of ``cells``.
@@ -136,13 +154,13 @@ class Archive:
                 (fitness of standing still in the elite's scenarios), "generations" int64, or
                 "seeds" int64 ``(E, 4)``. Those without a shape are ``(E,)``.
         """
-        taken: NDArray[Any] = self._columns[name][self.cells]
+        taken: NDArray[Any] = self._columns[name][self._occupied()]
         return taken
 
     @property
     def measures(self) -> NDArray[np.int64]:
         """Triples of the elites, ``(E, 3)``."""
-        return self.space.triples[self.cells]
+        return self.space.triples[self._cells]
 
     def add(  # noqa: PLR0913 - the public call, keywords only
         self,
@@ -191,7 +209,7 @@ class Archive:
         cells = np.where(np.isnan(fitness), NO_CELL, self.space.cells(np.asarray(measures)))
         status = np.zeros(count, dtype=np.int8)
         improvement = np.full(count, np.nan)
-        best = dict(enumerate(self._columns["fitness"].tolist()))
+        best = self._best(cells)
         elites: dict[int, int] = {}  # the last genome that takes a cell is the one to write
         for index, (cell, value) in enumerate(zip(cells.tolist(), fitness.tolist(), strict=True)):
             if cell == NO_CELL:
@@ -202,10 +220,19 @@ class Archive:
             if is_empty or value > before:
                 status[index] = AddStatus.NEW if is_empty else AddStatus.IMPROVED
                 best[cell], elites[cell] = value, index
-        taken = list(elites.values())
+        written, taken = np.array(list(elites), dtype=np.int64), list(elites.values())
+        self._fill(written[self._rows[written] == NO_ROW])
         for name, column in self._columns.items():
-            column[list(elites)] = np.asarray(offered[name])[taken]
+            column[self._rows[written]] = np.asarray(offered[name])[taken]
         return AddResult(cells, status, improvement)
+
+    def _best(self, cells: NDArray[np.int64]) -> dict[int, float]:
+        """Fitness of the elite of each of ``cells``; NaN for an empty one."""
+        asked = np.unique(cells[cells != NO_CELL])
+        rows = self._rows[asked]
+        best = np.full(len(asked), np.nan)
+        best[rows != NO_ROW] = self._columns["fitness"][rows[rows != NO_ROW]]
+        return dict(zip(asked.tolist(), best.tolist(), strict=True))
 
     def replace_estimates(
         self,
@@ -226,8 +253,7 @@ class Archive:
             ArchiveError: If the number of values is wrong or a fitness infinite. Nothing is
                 changed then.
         """
-        cells = self.cells
-        count = len(cells)
+        count = len(self)
         self._check("fitness", fitness, (count,))
         self._check("success", success, (count,))
         if np.shape(seeds) != (SEED_LENGTH,):
@@ -235,10 +261,21 @@ class Archive:
         if np.ndim(standing_still):
             self._check("standing_still", standing_still, (count,))
         _check_not_infinite(fitness)
-        self._columns["fitness"][cells] = fitness
-        self._columns["success"][cells] = success
-        self._columns["standing_still"][cells] = standing_still
-        self._columns["seeds"][cells] = seeds
+        estimates = {"fitness": fitness, "success": success, "standing_still": standing_still}
+        rows = self._occupied()
+        for name, values in {**estimates, "seeds": seeds}.items():
+            self._columns[name][rows] = values
+        dropped = np.isnan(fitness)
+        if dropped.any():
+            kept = {name: self.column(name)[~dropped] for name in self._columns}
+            self._put(self._cells[~dropped], kept)
+
+    def _put(self, cells: NDArray[np.int64], elites: Mapping[str, NDArray[Any]]) -> None:
+        """Hold these elites and no others; ``cells`` are ascending."""
+        self._clear()
+        self._fill(cells)
+        for name, column in self._columns.items():
+            column[self._rows[cells]] = elites[name]
 
     def draw(self, generator: np.random.Generator, count: int) -> NDArray[np.float64]:
         """Draw genomes of elites uniformly with replacement, float64 ``(count, N)``.
@@ -246,17 +283,16 @@ class Archive:
         Raises:
             ArchiveError: If the archive is empty.
         """
-        cells = self.cells
-        if not len(cells):
+        if not len(self):
             raise ArchiveError("There is no elite to draw: the archive is empty.")
-        drawn = cells[generator.integers(len(cells), size=count)]
+        drawn = self._occupied()[generator.integers(len(self), size=count)]
         return np.asarray(self._columns["genomes"][drawn], dtype=np.float64)
 
     def best_genome(self) -> NDArray[np.float64] | None:
         """Return the fittest elite's genome, float64 ``(N,)``; None if the archive is empty."""
         if not len(self):
             return None
-        best = int(np.nanargmax(self._columns["fitness"]))
+        best = self._occupied()[int(np.argmax(self.column("fitness")))]
         return np.asarray(self._columns["genomes"][best], dtype=np.float64)
 
     def statistics(self) -> dict[str, float]:
@@ -315,9 +351,7 @@ class Archive:
             self._check(name, elites[name], (len(cells), *column.shape[1:]))
         if not np.isfinite(elites["fitness"]).all():
             raise ArchiveError("Cannot load the archive: an elite's fitness is not finite.")
-        self._columns["fitness"][:] = np.nan
-        for name, column in self._columns.items():
-            column[cells] = elites[name]
+        self._put(cells.astype(np.int64), elites)
 
     @property
     def _identity(self) -> dict[str, Any]:

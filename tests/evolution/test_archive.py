@@ -1,5 +1,6 @@
 """The archive: its triples, its rule of acceptance, and its statistics."""
 
+import tracemalloc
 from itertools import product
 
 import numpy as np
@@ -55,6 +56,40 @@ def test_the_triples_are_those_of_the_rule():
     assert [tuple(row) for row in SPACE.triples.tolist()] == rule
     others = [row for row in product(range(-1, 12), repeat=3) if row not in set(rule)]
     assert (SPACE.cells(np.array(others)) == -1).all()
+
+
+def test_only_elites_take_memory_whatever_the_number_of_triples():
+    tracemalloc.start()
+    try:
+        archive = Archive(MeasureSpace(1, 2, 15**2), dimension=4572, grid_size=15)
+        genomes = np.ones((100, 4572), dtype=np.float32)
+        triples = archive.space.triples[::1000][:100]
+        bodies = np.zeros((100, 15, 15), dtype=np.int8)
+        archive.add(genomes, np.ones(100), triples, bodies)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(archive.space.triples) == 1_873_200
+    assert len(archive) == 100
+    assert peak < 300e6  # one row for each triple would take 34 GB
+
+
+def test_elites_keep_their_cells_while_rows_are_added_and_dropped():
+    archive = make()
+    order = np.random.default_rng(0).permutation(len(SPACE.triples))
+    for cell in order:
+        triple = SPACE.triples[cell]
+        offer(archive, [triple], [0.5], generation=int(cell))
+    np.testing.assert_array_equal(archive.cells, np.arange(84))
+    np.testing.assert_array_equal(archive.column("generations"), np.arange(84))
+    kept = np.arange(84) % 3 > 0
+    estimates = np.where(kept, 0.25, np.nan)
+    archive.replace_estimates(estimates, np.zeros(84), 0.0, np.zeros(4, dtype=np.int64))
+    np.testing.assert_array_equal(archive.cells, np.flatnonzero(kept))
+    np.testing.assert_array_equal(archive.column("generations"), np.flatnonzero(kept))
+    added = offer(archive, [SPACE.triples[0], SPACE.triples[1]], [0.1, 0.2])
+    assert added.status.tolist() == [AddStatus.NEW, AddStatus.NONE]
+    assert archive.column("fitness")[0] == 0.1
 
 
 def test_a_genome_gets_in_if_it_is_new_or_better():
