@@ -25,6 +25,10 @@ from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
+_START_LIMIT_S = 120.0
+_EPISODE_LIMIT_S = 10.0
+"""A worker counts as stopped after so long: hundreds of times what starting and an episode take."""
+
 
 @dataclass(frozen=True)
 class _Job:
@@ -129,7 +133,8 @@ class Box2DEngine(Engine):
                 results.append(evaluate_genome(job))
         else:
             names = [f"genome {index}" for index in range(len(jobs))]
-            results = self._pool.map(evaluate_genome, jobs, names, should_stop)
+            limit_s = _START_LIMIT_S + _EPISODE_LIMIT_S * len(rows[0])
+            results = self._pool.map(evaluate_genome, jobs, names, should_stop, limit_s)
         return RolloutResult(
             bodies=np.stack([r.body for r in results]),
             episode_fitness=np.stack([r.episode_fitness for r in results]),

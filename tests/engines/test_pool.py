@@ -12,7 +12,7 @@ import pytest
 
 from ncrs.engines.base import EngineError, EvaluationInterrupted
 from ncrs.engines.box2d import Box2DEngine
-from ncrs.engines.pool import WorkerPool
+from ncrs.engines.pool import WorkerPool, WorkerWarning, _Map
 from ncrs_envs.scenario import sample_scenarios
 from ncrs_envs.tasks import TaskSettings
 
@@ -65,6 +65,78 @@ def test_a_killed_worker_is_an_error_that_names_the_job(pool):
     with pytest.raises(EngineError, match=rf"{victim} was killed by SIGKILL while evaluating job"):
         pool.map(time.sleep, [20, 20], ["job 0", "job 1"], never)
     assert pool.pids == []
+
+
+def stop_itself(path):
+    """Stop this process as a debugger would, the first time; the second one returns a number."""
+    try:
+        with open(path, "x"):
+            pass
+    except FileExistsError:
+        return 7
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def stop_always(_):
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no process can be stopped here")
+def test_a_stopped_worker_is_replaced_and_its_job_done_again(pool, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(os.path.dirname(__file__))
+    from test_pool import stop_itself
+
+    before = pool.map(abs, [1, 2], ["a", "b"], never) and pool.pids
+    with pytest.warns(WorkerWarning, match="did not answer for 3 s while evaluating genome 0"):
+        results = pool.map(stop_itself, [tmp_path / "once"], ["genome 0"], never, limit_s=3)
+    assert results == [7]
+    assert len(set(before) & set(pool.pids)) == 1
+    assert pool.map(abs, [-1, -2, -3], list("abc"), never) == [1, 2, 3]
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no process can be stopped here")
+def test_a_job_that_stops_two_workers_is_an_error_that_names_it(pool, monkeypatch):
+    monkeypatch.syspath_prepend(os.path.dirname(__file__))
+    from test_pool import stop_always
+
+    with (
+        pytest.warns(WorkerWarning),
+        pytest.raises(EngineError, match="was killed by SIGKILL while evaluating genome 5"),
+    ):
+        pool.map(stop_always, [None], ["genome 5"], never, limit_s=3)
+    assert pool.pids == []
+
+
+def test_jobs_may_take_far_longer_than_those_before_them():
+    jobs = _Map(abs, [], limit_s=1000.0)
+    assert jobs.limit_s == 1000.0
+    jobs._longest = 0.1
+    assert jobs.limit_s == 30.0
+    jobs._longest = 5.0
+    assert jobs.limit_s == 150.0
+    jobs._longest = 50.0
+    assert jobs.limit_s == 1000.0
+    assert _Map(abs, [], limit_s=None).limit_s == float("inf")
+
+
+def test_time_in_which_this_process_was_stopped_does_not_count(pool, monkeypatch):
+    pool.map(abs, [1], ["a"], never)
+    worker = pool._workers[0]
+    worker.waited = 0.0
+    jobs = _Map(abs, [], limit_s=2.0)
+    clock = iter([0.0, 3600.0])
+    polls = []
+
+    def poll():
+        polls.append(True)
+        if len(polls) == 2:
+            jobs._done.put((0, True, None))
+        return False
+
+    monkeypatch.setattr("ncrs.engines.pool.monotonic", lambda: next(clock))
+    jobs.next(pool._workers, poll)
+    assert worker.waited == 1.0
+    assert not worker.is_late
 
 
 def test_stopping_ends_the_workers_at_once(pool):
