@@ -2,7 +2,7 @@
 
 import sys
 
-from ncrs.training.launch import launch
+from ncrs.cli import TRAIN, main
 
 if __name__ == "__main__":
-    launch(sys.argv[1:])
+    main([TRAIN, *sys.argv[1:]])

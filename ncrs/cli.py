@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 from ncrs import __version__
 
@@ -37,9 +39,30 @@ def _parser(chosen: str | None) -> argparse.ArgumentParser:
     return parser
 
 
+@contextmanager
+def _ends_quietly() -> Iterator[None]:
+    """End the process without a traceback if Ctrl-C, or the end of a reader, ends the block."""
+    try:
+        yield
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        # As the signal itself would end it: a shell ends its loop, too.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        signal.raise_signal(signal.SIGINT)
+    except BrokenPipeError:
+        # Python would complain at exit, when it flushes what nobody reads.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(1) from None
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; bad input ends with one sentence and exit code 2."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    with _ends_quietly():
+        _run(words)
+
+
+def _run(words: list[str]) -> None:
     if words[:1] == ["-sc"]:  # the shell's completion of `ncrs train` leaves out the command
         os.environ["COMP_LINE"] = os.environ.get("COMP_LINE", "").replace(f" {TRAIN} ", " ", 1)
         words = [TRAIN, *words]

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -78,3 +79,26 @@ def test_every_public_name_is_there():
         assert getattr(ncrs, name).__name__ == name
     with pytest.raises(AttributeError, match="no attribute 'no_such_name'"):
         ncrs.no_such_name  # noqa: B018
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_ctrl_c_ends_a_command_without_a_traceback():
+    code = (
+        "import signal, sys, ncrs.cli, ncrs.commands.champions as champions\n"
+        "champions.add_arguments = lambda parser: signal.raise_signal(signal.SIGINT)\n"
+        "ncrs.cli.main(['champions'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == -signal.SIGINT
+    assert done.stderr == ""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+def test_a_reader_that_leaves_ends_a_command_without_a_traceback():
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "ncrs", "champions"]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    assert done.returncode == 1
+    assert done.stderr == ""
