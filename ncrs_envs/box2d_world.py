@@ -2,13 +2,16 @@
 
 The robot is one rigid body with a square fixture per cell: in the jointed construction of the
 published runs every joint is locked, so the motion is the same. Every episode gets a new world,
-since a reused one keeps its contact order and is not deterministic.
+since a reused one keeps its contact order and is not deterministic. For the same reason a copy of a
+world is made by repeating its steps.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import Box2D
 import numpy as np
@@ -33,8 +36,41 @@ _POSITION_ITERATIONS = 60
 Pose = tuple[float, float, float]
 
 
+class _Definitions(threading.local):
+    """One fixture definition for each kind of shape, used again and again; Box2D copies them.
+
+    The binding loses 300 bytes for every shape that a definition was given.
+    """
+
+    def __init__(self) -> None:
+        self._polygon, self._circle = Box2D.b2PolygonShape(), Box2D.b2CircleShape()
+        given = {"friction": CONTACT_FRICTION, "restitution": CONTACT_RESTITUTION}
+        self._of_polygon = Box2D.b2FixtureDef(shape=self._polygon, **given)
+        self._of_circle = Box2D.b2FixtureDef(shape=self._circle, **given)
+
+    def polygon(self, vertices: Sequence[tuple[float, float]]) -> Box2D.b2FixtureDef:
+        self._polygon.vertices = vertices
+        self._of_polygon.density = 0.0
+        return self._of_polygon
+
+    def square(self, center: tuple[float, float], density: float) -> Box2D.b2FixtureDef:
+        self._polygon.SetAsBox(CELL_SIZE / 2.0, CELL_SIZE / 2.0, center, 0.0)
+        self._of_polygon.density = density
+        return self._of_polygon
+
+    def circle(
+        self, center: tuple[float, float], radius: float, density: float
+    ) -> Box2D.b2FixtureDef:
+        self._circle.pos, self._circle.radius = center, radius
+        self._of_circle.density = density
+        return self._of_circle
+
+
+_DEFINITIONS = _Definitions()
+
+
 class RobotWorld:
-    """A Box2D world with one robot.
+    """A Box2D world with one robot. Pickles and copies move on bit-identically.
 
     Args:
         body: Cell codes of a valid body, shape ``(n, n)``.
@@ -43,40 +79,40 @@ class RobotWorld:
     """
 
     def __init__(self, body: BodyGrid, wheels: WheelModel, scenario: Scenario) -> None:
+        self._made_of = (body, wheels, scenario)
+        self._steps: list[NDArray[np.float64]] = []
         self._wheels = wheels
         self._world = Box2D.b2World(gravity=(0.0, 0.0), doSleep=False)
         for quad in _solid_quads(scenario, body.shape[0]):
-            self._add_static(Box2D.b2PolygonShape(vertices=quad))
+            self._add_static(_DEFINITIONS.polygon(quad))
         if scenario.light is not None:
-            self._add_static(Box2D.b2CircleShape(pos=scenario.light, radius=LIGHT_RADIUS))
+            self._add_static(_DEFINITIONS.circle(scenario.light, LIGHT_RADIUS, 0.0))
         self._ball = None
         if scenario.ball is not None:
-            shape = Box2D.b2CircleShape(radius=BALL_RADIUS)
-            self._ball = self._world.CreateDynamicBody(
-                position=scenario.ball, fixtures=_fixture(shape, BALL_DENSITY)
-            )
-        half = CELL_SIZE / 2.0
+            ball = _DEFINITIONS.circle((0.0, 0.0), BALL_RADIUS, BALL_DENSITY)
+            self._ball = self._world.CreateDynamicBody(position=scenario.ball, fixtures=ball)
         centers = cell_centers(body.shape[0])
-        self._robot = self._world.CreateDynamicBody(
-            position=scenario.start,
-            fixtures=[
-                _fixture(
-                    Box2D.b2PolygonShape(box=(half, half, tuple(centers[row, column]), 0.0)),
-                    CELL_DENSITY[Cell(int(body[row, column]))],
-                )
-                for row, column in np.argwhere(body != Cell.EMPTY)
-            ],
-        )
+        self._robot = self._world.CreateDynamicBody(position=scenario.start)
+        for row, column in np.argwhere(body != Cell.EMPTY):
+            x, y = centers[row, column].tolist()
+            density = CELL_DENSITY[Cell(int(body[row, column]))]
+            self._robot.CreateFixture(_DEFINITIONS.square((x, y), density))
 
-    def _add_static(self, shape: Box2D.b2Shape) -> None:
-        self._world.CreateStaticBody(fixtures=_fixture(shape, 0.0))
+    def _add_static(self, fixture: Box2D.b2FixtureDef) -> None:
+        self._world.CreateStaticBody(fixtures=fixture)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Describe the world by its parts and the gas of its steps."""
+        return _repeat, (*self._made_of, np.array(self._steps))
 
     def step(self, gas: NDArray[np.float64]) -> None:
         """Advance one physics step of ``DT`` seconds.
 
         Args:
-            gas: One value in [-1, 1] per wheel in row order, shape ``(wheels,)``.
+            gas: One value in [-1, 1] per wheel in row order, shape ``(wheels,)``; kept, and not to
+                be changed afterwards.
         """
+        self._steps.append(gas)
         robot = self._robot
         angle, velocity = robot.angle, robot.linearVelocity
         cos, sin = math.cos(angle), math.sin(angle)
@@ -117,13 +153,14 @@ class RobotWorld:
         return any(edge.contact.touching for edge in self._robot.contacts)
 
 
-def _fixture(shape: Box2D.b2Shape, density: float) -> Box2D.b2FixtureDef:
-    return Box2D.b2FixtureDef(
-        shape=shape,
-        density=density,
-        friction=CONTACT_FRICTION,
-        restitution=CONTACT_RESTITUTION,
-    )
+def _repeat(
+    body: BodyGrid, wheels: WheelModel, scenario: Scenario, steps: NDArray[np.float64]
+) -> RobotWorld:
+    """Build a world and repeat its steps."""
+    world = RobotWorld(body, wheels, scenario)
+    for gas in steps:
+        world.step(gas)
+    return world
 
 
 def _solid_quads(scenario: Scenario, grid_size: int) -> Iterator[list[tuple[float, float]]]:

@@ -223,6 +223,10 @@ class RobotEnv(_BaseEnv):
         self._window.show(frame)
         return None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a pickle or a copy holds: all but the window, which it opens anew."""
+        return {**self.__dict__, "_window": None}
+
     def close(self) -> None:
         """Close the window if there is one."""
         if self._window is not None:

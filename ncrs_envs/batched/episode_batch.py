@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -108,7 +109,8 @@ class EpisodeBatch:
         chunks = max(1, min(threads, count // _MIN_CHUNK))
         self._bounds = np.linspace(0, count, chunks + 1).astype(int).tolist()
         self._scratch = [make_scratch(n) for _ in range(chunks)]
-        self._pool = ThreadPoolExecutor(chunks - 1, "ncrs-envs") if chunks > 1 else None
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_process = 0
 
     def _worlds(self, chunk: int) -> Worlds:
         return Worlds(self._settings, self._robots, self.scenarios.records, self._scratch[chunk])
@@ -152,15 +154,27 @@ class EpisodeBatch:
     def _spread(self, work: Callable[[int], None]) -> None:
         """Call ``work`` for each chunk of the episodes, the first one on this thread."""
         others = range(1, len(self._bounds) - 1)
-        futures = [] if self._pool is None else [self._pool.submit(work, i) for i in others]
+        futures = [self._threads().submit(work, chunk) for chunk in others]
         work(0)
         for future in futures:
             future.result()
 
+    def _threads(self) -> ThreadPoolExecutor:
+        """Return the threads, started on first use; a forked process has none of its parent's."""
+        if self._pool is None or self._pool_process != os.getpid():
+            self._pool = ThreadPoolExecutor(len(self._bounds) - 2, "ncrs-envs")
+            self._pool_process = os.getpid()
+        return self._pool
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a pickle or a copy holds: all but the threads."""
+        return {**self.__dict__, "_pool": None}
+
     def close(self) -> None:
-        """End the threads; the batch cannot be stepped afterwards."""
-        if self._pool is not None:
+        """End the threads."""
+        if self._pool is not None and self._pool_process == os.getpid():
             self._pool.shutdown()
+        self._pool = None
 
     @property
     def poses(self) -> NDArray[np.float64]:
