@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch.nn import functional
 
 from ncrs.automaton.channels import (
     BODY_CHANNEL,
@@ -47,12 +48,17 @@ class Controller:
         bodies: Cell codes, with shape ``(n, n)`` or any leading axes ``(..., n, n)`` for one NCA;
             ``(P, n, n)`` or ``(P, ..., n, n)`` for a population, with a row per genome.
         seed: Seed for stochastic firing and state noise, where the NCA has them.
+        batch: Number of robots to step at a time, the last ones filled up with empty ones; by
+            default all. torch's rounding depends on it, so that a fixed one makes a robot's path
+            independent of its company.
 
     Raises:
         BodyError: The bodies are malformed, or do not have one row per genome.
     """
 
-    def __init__(self, nca: Automaton, bodies: Any, *, seed: int | None = None) -> None:
+    def __init__(
+        self, nca: Automaton, bodies: Any, *, seed: int | None = None, batch: int | None = None
+    ) -> None:
         bodies = np.asarray(bodies)
         if bodies.ndim < 2:
             raise BodyError(f"bodies must have shape (..., n, n), got {bodies.shape}.")
@@ -64,6 +70,7 @@ class Controller:
             )
         self._nca = nca
         self._seed = seed
+        self._batch = batch
         self._shape = bodies.shape
         grid_size = bodies.shape[-1]
         rows = (nca.size, -1) if isinstance(nca, NCAPopulation) else (-1,)
@@ -99,6 +106,17 @@ class Controller:
         states = self._state.movedim(-3, -1).cpu().numpy()
         return np.array(states.reshape(*self._shape, -1))
 
+    def _next_states(self) -> torch.Tensor:
+        if self._batch is None:
+            states: torch.Tensor = self._nca(self._state, self._generator)
+            return states
+        count = len(self._state)
+        missing = -count % self._batch
+        filled = functional.pad(self._state, (0, 0, 0, 0, 0, 0, 0, missing))
+        starts = range(0, len(filled), self._batch)
+        batches = [filled[start : start + self._batch] for start in starts]
+        return torch.cat([self._nca(batch, self._generator) for batch in batches])[:count]
+
     def act(self, observations: Any) -> NDArray[np.float32]:
         """Run two NCA steps and read the wheels.
 
@@ -133,7 +151,7 @@ class Controller:
             for _ in range(STEPS_PER_ACTION):
                 signal = self._state[..., io, :, :]
                 torch.where(self._sensors, sensed, signal, out=signal)
-                updated = self._nca(self._state, self._generator)
+                updated = self._next_states()
                 self._state[..., changing, :, :] = updated[..., changing, :, :] * occupied
         gas = self._state[..., io, :, :] * self._wheels
         actions = np.array(gas.cpu().numpy().reshape(self._shape), dtype=np.float32)

@@ -25,6 +25,8 @@ from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
+_BATCH = 12
+"""Number of episodes that the automaton steps at a time, fixed; the paper's number of them."""
 _START_LIMIT_S = 120.0
 _EPISODE_LIMIT_S = 10.0
 """A worker counts as stopped after so long: hundreds of times what starting and an episode take."""
@@ -66,7 +68,7 @@ def drive(
         which ends all episodes.
     """
     bodies = np.stack([episode.robot.body for episode in episodes])
-    controller = Controller(nca, bodies)
+    controller = Controller(nca, bodies, batch=_BATCH)
     total = np.zeros(len(episodes))
     if record is not None:
         record(controller, np.zeros(bodies.shape, dtype=np.float32), np.zeros(len(episodes)))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ncrs import load_champion
 from ncrs.automaton.channels import CONTROL_CHANNEL, GenomeError, nca_layout
 from ncrs.engines.base import (
     CUDA_ENGINE,
@@ -103,6 +104,17 @@ def test_results_do_not_depend_on_workers_or_place(engine, genomes, full_genome)
     )
     for name, value in _result_arrays(first).items():
         np.testing.assert_array_equal(value[::-1], getattr(backwards, name), err_msg=name)
+
+
+@pytest.mark.parametrize("task", sorted(TASKS))
+def test_an_episodes_score_does_not_depend_on_its_company(engine, task):
+    genome = load_champion(f"{task}/best").genome
+    scenarios = sample_scenarios(task, 4, 15)
+    together = evaluate(genome, task, engine=engine, scenarios=scenarios)
+    turned = evaluate(genome, task, engine=engine, scenarios=scenarios[::-1])
+    alone = evaluate(genome, task, engine=engine, scenarios=[scenarios[13]])
+    np.testing.assert_array_equal(turned.episode_fitness[0, ::-1], together.episode_fitness[0])
+    assert alone.episode_fitness[0, 0] == together.episode_fitness[0, 13]
 
 
 def test_the_seed_decides_the_scenarios(engine, full_genome):
