@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import Box2D
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +30,12 @@ from ncrs_envs.physics import (
 )
 from ncrs_envs.scenario import MIN_QUAD_SIDE, Scenario, wall_quads
 
+with warnings.catch_warnings():
+    # The binding crashes the process if a warning of its import is an error.
+    warnings.simplefilter("ignore")
+    import Box2D
+
+VERSION: str = Box2D.__version__
 _VELOCITY_ITERATIONS = 180
 _POSITION_ITERATIONS = 60
 

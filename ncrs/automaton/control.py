@@ -85,7 +85,9 @@ class Controller:
         self._wheels = cells(wheel_mask(flat))
         layout = nca.layout
         self._start = torch.zeros(
-            (*self._occupied.shape[:-2], layout.channels, grid_size, grid_size), device=self._device
+            (*self._occupied.shape[:-2], layout.channels, grid_size, grid_size),
+            dtype=torch.float32,
+            device=self._device,
         )
         self._start[..., BODY_CHANNEL, :, :] = self._occupied.float()
         self._start[..., CONTROL_CHANNEL, :, :] = 1.0

@@ -13,7 +13,7 @@ from torch.nn import functional
 
 from ncrs.automaton.channels import ALIVE_THRESHOLD, BODY_CHANNEL, NCALayout, growth_steps
 from ncrs.automaton.nca import Automaton, NCAPopulation
-from ncrs.automaton.threads import one_torch_thread
+from ncrs.automaton.torch_settings import one_torch_thread
 from ncrs_envs.body import DEFAULT_GRID_SIZE, BodyGrid, check_grid_size
 
 States = NDArray[np.float32]
@@ -103,7 +103,8 @@ def record_growth(nca: Automaton, grid_size: int = DEFAULT_GRID_SIZE) -> Growth:
 
 def seed_state(channels: int, grid_size: int) -> Tensor:
     """Make the initial state of growth, float32 ``(C, n, n)``: body value 1 in the middle cell."""
-    state = torch.zeros((channels, grid_size, grid_size))
+    shape = (channels, grid_size, grid_size)
+    state = torch.zeros(shape, dtype=torch.float32, device="cpu")
     state[BODY_CHANNEL, grid_size // 2, grid_size // 2] = 1.0
     return state
 

@@ -27,6 +27,8 @@ from ncrs.automaton.channels import (
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import Task
 
+_DTYPE = torch.float32
+
 
 class AutomatonError(NCRSError, ValueError):
     """A setting of an automaton that is out of range."""
@@ -83,12 +85,12 @@ class _CellularAutomaton(nn.Module, ABC):
         """
         delta = self.delta(states)
         if self.state_noise > 0.0:
-            noise = torch.randn(states.shape, generator=generator, dtype=states.dtype)
+            noise = torch.randn(states.shape, generator=generator, dtype=states.dtype, device="cpu")
             delta = delta + self.state_noise * noise.to(states.device)
         if self.fire_rate < 1.0:
             cells = states.shape[:-3] + (1,) + states.shape[-2:]
-            fires = torch.rand(cells, generator=generator, dtype=states.dtype) < self.fire_rate
-            delta = delta * fires.to(states.device)
+            drawn = torch.rand(cells, generator=generator, dtype=states.dtype, device="cpu")
+            delta = delta * (drawn < self.fire_rate).to(states.device)
         updated = (states + delta).clamp(-STATE_LIMIT, STATE_LIMIT)
         updated[..., CONTROL_CHANNEL, :, :] = states[..., CONTROL_CHANNEL, :, :]
         return updated
@@ -99,7 +101,8 @@ class NCA(_CellularAutomaton):
 
     ``dx = conv1x1_C(relu(conv1x1_30(relu(conv3x3_30(x)))))`` with zero padding and biases. The
     flat genome is ``parameters_to_vector(nca.parameters())``: weight and bias of each layer in
-    turn. A new NCA has torch's default random weights; ``set_genome`` replaces them.
+    turn. A new NCA has torch's default random weights, on the CPU and in float32; ``set_genome``
+    replaces them.
 
     Args:
         task: Task or its name, "light_chase", "obstacle" or "carry_ball".
@@ -119,10 +122,14 @@ class NCA(_CellularAutomaton):
         state_noise: float = 0.0,
     ) -> None:
         super().__init__(task, fire_rate, state_noise)
-        padding = KERNEL_SIZE // 2
-        self.conv1 = nn.Conv2d(self.channels, HIDDEN_UNITS, KERNEL_SIZE, padding=padding)
-        self.conv2 = nn.Conv2d(HIDDEN_UNITS, HIDDEN_UNITS, 1)
-        self.conv3 = nn.Conv2d(HIDDEN_UNITS, self.channels, 1)
+
+        def layer(inputs: int, outputs: int, side: int) -> nn.Conv2d:
+            padding = side // 2
+            return nn.Conv2d(inputs, outputs, side, padding=padding, device="cpu", dtype=_DTYPE)
+
+        self.conv1 = layer(self.channels, HIDDEN_UNITS, KERNEL_SIZE)
+        self.conv2 = layer(HIDDEN_UNITS, HIDDEN_UNITS, 1)
+        self.conv3 = layer(HIDDEN_UNITS, self.channels, 1)
 
     def delta(self, states: Tensor) -> Tensor:
         """Compute ``dx``, shape ``(B, C, H, W)``."""
@@ -212,3 +219,15 @@ class NCAPopulation(_CellularAutomaton):
 
 
 Automaton = NCA | NCAPopulation
+
+
+def nca_of(genome: Any, task: str | Task) -> NCA:
+    """Make the NCA of a genome; torch's global generator is left as it was.
+
+    Raises:
+        GenomeError: The genome does not fit the task.
+        TaskError: The task is unknown.
+    """
+    with torch.random.fork_rng(devices=[]):
+        nca = NCA(task)
+    return nca.set_genome(genome)

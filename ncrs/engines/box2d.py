@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ncrs.automaton.control import Controller, StateError
 from ncrs.automaton.growth import grow
-from ncrs.automaton.nca import NCA
-from ncrs.automaton.threads import one_torch_thread
+from ncrs.automaton.nca import NCA, nca_of
+from ncrs.automaton.torch_settings import one_torch_thread
 from ncrs.engines.base import (
     Engine,
     EvaluationInterrupted,
@@ -88,7 +88,7 @@ def drive(
 def evaluate_genome(job: _Job) -> _GenomeResult:
     """Grow one genome's robot and drive it through its scenarios, all episodes in step."""
     with one_torch_thread():
-        nca = NCA(job.settings.task).set_genome(job.genome)
+        nca = nca_of(job.genome, job.settings.task)
         body = grow(nca, job.settings.grid_size)
         if not job.settings.task.is_valid(body):
             number = len(job.scenarios)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ncrs.automaton.channels import GenomeError, nca_layout
 from ncrs.automaton.growth import Growth, record_growth
-from ncrs.automaton.nca import NCA
+from ncrs.automaton.nca import NCA, nca_of
 from ncrs_envs.body import body_measures, parse_body
 from ncrs_envs.tasks import TaskSettings
 
@@ -47,7 +47,7 @@ class EvolvedRobot:
     @property
     def nca(self) -> NCA:
         """A new NCA with this genome."""
-        return NCA(self.task.name).set_genome(self.genome)
+        return nca_of(self.genome, self.task.name)
 
     def growth(self) -> Growth:
         """Grow the body again and keep every step."""

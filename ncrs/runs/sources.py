@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.growth import grow
-from ncrs.automaton.nca import NCA
+from ncrs.automaton.nca import nca_of
 from ncrs.runs.champion import CHAMPION_FILE, load_champion_file
 from ncrs.runs.checkpoint import ForeignFileError, read_state
 from ncrs.runs.elites import load_elite
@@ -174,7 +174,7 @@ def _grown(
     fitness: float = np.nan,
     success: float = np.nan,
 ) -> EvolvedRobot:
-    nca = NCA(settings.task).set_genome(genome)
+    nca = nca_of(genome, settings.task)
     body = grow(nca, settings.grid_size)
     try:
         return EvolvedRobot(nca.genome(), body, settings, fitness, success, name=path.stem)

@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ncrs.automaton.channels import GenomeError
+from ncrs.automaton.torch_settings import plain_torch
 from ncrs.engines.base import Engine, EngineError, EvaluationInterrupted, make_engine
 from ncrs.evolution.archive import ArchiveError
 from ncrs.evolution.optimizers import OptimizerError
@@ -112,14 +113,14 @@ class Trainer:
             timer.begin()
             with self._saved_on_failure():
                 self._reestimate_if_due(engine, stop)
-                with timer.phase("ask"):
+                with timer.phase("ask"), plain_torch():
                     genomes = search.ask()
                 scenarios = search.draw(state.generation, len(genomes))
                 with timer.phase("evaluate"):
                     evaluation = engine.evaluate(genomes, scenarios.rows, stop)
                 with timer.phase("archive"):
                     added = search.add(genomes, evaluation, scenarios, state.generation)
-                with timer.phase("tell"):
+                with timer.phase("tell"), plain_torch():
                     search.tell(evaluation, added)
             generation = Generation(state.generation, genomes, evaluation, added)
             state.count(evaluation)

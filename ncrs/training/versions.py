@@ -16,13 +16,13 @@ class VersionWarning(UserWarning):
 
 def versions() -> dict[str, str]:
     """Look up the version of Python and of each library, by name."""
-    import Box2D  # not above: its import would delay every command
+    from ncrs_envs.box2d_world import VERSION  # not above: it would delay every command
 
     return {
         "python": platform.python_version(),
         **{name: version(name) for name in _PACKAGES},
         # Its distribution is called box2d or box2d-py, whichever Gymnasium asks for.
-        "Box2D": Box2D.__version__,
+        "Box2D": VERSION,
     }
 
 

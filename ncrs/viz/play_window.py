@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from ncrs.automaton.threads import one_torch_thread
+from ncrs.automaton.torch_settings import one_torch_thread
 from ncrs.viz.errors import VizError
 from ncrs.viz.play_session import PlaySession
 from ncrs.viz.play_view import draw_play, layout_of

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.control import Controller, StateError
-from ncrs.automaton.threads import one_torch_thread
+from ncrs.automaton.torch_settings import one_torch_thread
 from ncrs.engines.box2d import drive
 from ncrs.runs.robot import EvolvedRobot
 from ncrs_envs.episode import Episode, Robot

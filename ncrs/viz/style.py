@@ -64,8 +64,10 @@ def colormap(scale: Sequence[Color]) -> Colormap:
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Make and save figures in the house style within the block."""
-    with mpl.rc_context(_STYLE):
+    """Make and save figures in the house style within the block, whatever style was set before."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_STYLE)
         yield
 
 
