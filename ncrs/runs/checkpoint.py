@@ -14,7 +14,7 @@ import os
 import threading
 import warnings
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -92,6 +92,22 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
         finally:
             temporary.unlink(missing_ok=True)
         _sync_folder(path.parent)
+
+
+def sync_files(folder: Path, paths: Iterable[Path]) -> None:
+    """Wait until files that were appended to, and their folder, are on the disk.
+
+    Raises:
+        CheckpointError: If the disk is full or broken.
+    """
+    with writing(folder):
+        for path in paths:
+            descriptor = os.open(path, os.O_RDWR)
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
+        _sync_folder(folder)
 
 
 def _sync_folder(folder: Path) -> None:

@@ -17,6 +17,11 @@ KEPT_FILE = "events.out.tfevents.0000000000.kept"
 """Name of the file with the events of earlier sessions; TensorBoard reads files by name."""
 
 
+def event_files(run_dir: Path) -> list[Path]:
+    """List the event files of a run, in the order in which TensorBoard reads them."""
+    return sorted(run_dir.glob(_PATTERN))
+
+
 def keep_events(run_dir: Path, start: int) -> None:
     """Gather the events before a generation in one file, and remove the other event files.
 
@@ -32,7 +37,7 @@ def keep_events(run_dir: Path, start: int) -> None:
         CheckpointError: If the files cannot be written.
     """
     kept = run_dir / KEPT_FILE
-    others = sorted(path for path in run_dir.glob(_PATTERN) if path != kept)
+    others = [path for path in event_files(run_dir) if path != kept]
     if not others and start:
         return
     events = list(_events([kept, *others])) if start else []

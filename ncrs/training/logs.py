@@ -14,10 +14,10 @@ from tqdm import tqdm
 
 from ncrs.evolution.archive import Archive
 from ncrs.runs.champion import Champion
-from ncrs.runs.checkpoint import writing
-from ncrs.runs.metrics import MetricsFile
+from ncrs.runs.checkpoint import sync_files, writing
+from ncrs.runs.metrics import METRICS_FILE, MetricsFile
 from ncrs.runs.settings import TrainConfig
-from ncrs.training.events import keep_events
+from ncrs.training.events import event_files, keep_events
 from ncrs.training.generation import Generation
 from ncrs.training.tensorboard import RunPictures, add_curves, add_end, add_settings
 from ncrs.training.versions import versions
@@ -95,6 +95,17 @@ class RunLog:
             "champion/success": champion.success,
         }
         self._pictures.champion(champion)
+
+    def sync(self) -> None:
+        """Put all records on the disk: after a power cut a checkpoint must not be ahead of them.
+
+        Raises:
+            CheckpointError: If the disk is full or broken.
+        """
+        with writing(self._run_dir):
+            self._writer.flush()
+        files = event_files(self._run_dir)
+        sync_files(self._run_dir, [*files, self._run_dir / METRICS_FILE])
 
     def __enter__(self) -> RunLog:
         return self

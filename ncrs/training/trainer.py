@@ -105,13 +105,17 @@ class Trainer:
             with suppress(EvaluationInterrupted):  # resuming repeats that generation
                 self._loop(engine, log, stop)
             if stop():
-                self._files.save(self._state)
+                self._save(log)
+
+    def _save(self, log: RunLog) -> None:
+        log.sync()
+        self._files.save(self._state)
 
     def _loop(self, engine: Engine, log: RunLog, stop: StopRequest) -> None:
         search, state, timer = self._search, self._state, self._timer
         while not (self._is_done or stop()):
             timer.begin()
-            with self._saved_on_failure():
+            with self._saved_on_failure(log):
                 self._reestimate_if_due(engine, stop)
                 with timer.phase("ask"), plain_torch():
                     genomes = search.ask()
@@ -131,22 +135,22 @@ class Trainer:
             self._watch.generation(generation, metrics, stop)
             if self._is_done or self._files.are_due:
                 with timer.phase("checkpoint"):
-                    self._files.save(state)
+                    self._save(log)
 
     @property
     def _is_done(self) -> bool:
         return self._state.generation == self._config.generations
 
     @contextmanager
-    def _saved_on_failure(self) -> Iterator[None]:
+    def _saved_on_failure(self, log: RunLog) -> Iterator[None]:
         """Save the state before a generation that cannot be completed; resuming repeats it."""
         try:
             yield
         except EngineError:
-            self._files.save(self._state)
+            self._save(log)
             raise
         except (OptimizerError, ArchiveError, GenomeError) as error:
-            self._files.save(self._state)
+            self._save(log)
             raise RunError(
                 f"Generation {self._state.generation} cannot be completed: {error} The state "
                 f"before it is saved in {self._run_dir}."
