@@ -15,7 +15,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -115,16 +115,23 @@ def run_batched(task: Task, case: Case) -> Run:
     return Run(float(np.mean(rewards)), bool(state.success), touched, center)
 
 
-def free_cases(count: int) -> Iterator[Case]:
+def free_cases(
+    count: int, sizes: Sequence[int] = (3, 5, 5, 7), first: int = 0
+) -> Iterator[Case]:
     """Draw random bodies and actions in the open, with the light out of the way.
 
     Every fourth body is unstable. Actions are white noise, or held for 20 steps at a time, which
     leads further.
+
+    Args:
+        count: Number of cases.
+        sizes: Sides of the grid to choose from.
+        first: Seed of the first case; the others follow.
     """
     task = get_task("light_chase")
-    for seed in range(count):
+    for seed in range(first, first + count):
         rng = np.random.default_rng([1, seed])
-        n = int(rng.choice([3, 5, 5, 7]))
+        n = int(rng.choice(sizes))
         body = unstable_body(rng, n) if seed % 4 == 3 else random_body(task, rng, n)
         actions = rng.uniform(-1.0, 1.0, (MAX_EPISODE_STEPS, n, n))
         if seed % 8 < 4:
@@ -133,11 +140,13 @@ def free_cases(count: int) -> Iterator[Case]:
         yield Case(seed, body, scenario, actions.astype(np.float32))
 
 
-def contact_cases(task: Task, count: int) -> Iterator[Case]:
-    """Draw episodes in which a controller drives Box2D's robot at something."""
-    for seed in range(count):
+def contact_cases(
+    task: Task, count: int, sizes: Sequence[int] = (3, 5, 5, 5, 7), first: int = 0
+) -> Iterator[Case]:
+    """Draw episodes in which a controller drives Box2D's robot at something; see ``free_cases``."""
+    for seed in range(first, first + count):
         rng = np.random.default_rng([2, seed])
-        n = int(rng.choice([3, 5, 5, 5, 7]))
+        n = int(rng.choice(sizes))
         body = random_body(task, rng, n)
         scenario = sample_scenario(task, rng, grid_size=n)
         if scenario.walls is None:

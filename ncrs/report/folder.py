@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
@@ -70,8 +70,7 @@ def _replace(made: Path, folder: Path) -> None:
     before = _manifest(folder) or []
     files = sorted(path.relative_to(made) for path in made.rglob("*") if path.is_file())
     folder.mkdir(exist_ok=True)
-    names = [file.as_posix() for file in {*before, *files}]
-    write_json(folder / MANIFEST_FILE, {"files": sorted(names)})
+    _write_manifest(folder, {*before, *files})
     # Pages last: they show what the data files hold.
     for file in sorted(files, key=lambda file: (file.suffix == ".html", file)):
         target = folder / file
@@ -82,4 +81,8 @@ def _replace(made: Path, folder: Path) -> None:
     for file in set(before) - set(files):
         if not (folder / file).parent.is_symlink():
             (folder / file).unlink(missing_ok=True)
-    write_json(folder / MANIFEST_FILE, {"files": [file.as_posix() for file in files]})
+    _write_manifest(folder, files)
+
+
+def _write_manifest(folder: Path, files: Iterable[Path]) -> None:
+    write_json(folder / MANIFEST_FILE, {"files": sorted(file.as_posix() for file in files)})

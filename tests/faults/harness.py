@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gzip
 import hashlib
 import io
 import json
 import os
+import pickle
 import shutil
 import sys
 import tempfile
@@ -50,16 +52,23 @@ OPTIMIZER_SETTINGS: dict[str, dict[str, Any]] = {
     "map_elites": {"population": 8, "initial_genomes": 8},
 }
 WRITERS = {
-    "evaluate": ["--episodes", "2"],
-    "archive": ["--export", "csv"],
-    "reestimate": ["--reestimate", "--episodes", "1"],
-    "pyribs": ["--export", "pyribs"],
-    "results": [],
-    "render": ["--size", "64"],
-    "figures": ["--episodes", "1"],
-    "film": ["--episodes", "1", "--speed", "8", "--height", "240"],
-    "report": ["--episodes", "1", "--elites", "champion"],
+    "evaluate": (["--episodes", "2"], ["--episodes", "4"]),
+    "archive": (["--export", "csv"], ["--export", "csv"]),
+    "reestimate": (["--reestimate", "--episodes", "1"], ["--reestimate", "--episodes", "2"]),
+    "pyribs": (["--export", "pyribs"], ["--export", "pyribs"]),
+    "results": ([], []),
+    "render": (["--size", "64"], ["--size", "96"]),
+    "figures": (["--episodes", "1"], ["--episodes", "2"]),
+    "film": (
+        ["--episodes", "1", "--speed", "4", "--height", "240"],
+        ["--episodes", "1", "--speed", "4", "--height", "360"],
+    ),
+    "report": (
+        ["--episodes", "1", "--elites", "champion"],
+        ["--episodes", "2", "--elites", "champion"],
+    ),
 }
+"""Options of commands that write files, and those of the older files that they replace."""
 ARCHIVE = ("archive", "reestimate", "pyribs")
 TRAIN, RESUME, SWEEP = "train", "resume", "sweep"
 COMMANDS = (*(f"{TRAIN} {name}" for name in OPTIMIZERS), RESUME, SWEEP, *WRITERS)
@@ -210,26 +219,34 @@ def sweep() -> Subject:
     return Subject(lambda _: None, run, run, outcome, lambda *_: None)
 
 
-def writer(name: str, run_folder: Path) -> Subject:
-    """A command that writes files about a run, over those that it wrote before."""
+def writer(name: str, run_folder: Path, old: Path, new: Path) -> Subject:
+    """A command that writes files about a run, over older ones.
 
-    def run(folder: Path, *others: str) -> None:
-        command = "archive" if name in ARCHIVE else name
-        options = [*WRITERS[name], *others, "--output", str(folder)]
-        main([command, str(run_folder), *options])
+    Args:
+        name: Name in ``WRITERS``.
+        run_folder: Folder of the run.
+        old: Folder for the older files.
+        new: Folder for the files that replace them.
+    """
+    command = "archive" if name in ARCHIVE else name
 
-    def prepare(folder: Path) -> None:
-        code, error = in_child(lambda: run(folder))
-        assert code == 0, error
+    def run(folder: Path, options: Sequence[str] = WRITERS[name][0]) -> None:
+        main([command, str(run_folder), *options, "--output", str(folder)])
+
+    run(old, WRITERS[name][1])
+    run(new)
+    before, after = files(old), files(new)
 
     def intact(folder: Path, is_dead: bool) -> None:
-        reference = folder.with_name("reference")
-        if not reference.exists():
-            return
         left = files(folder)
         if is_dead:  # the next command clears away what is hidden
-            left = {name: left[name] for name in left if not Path(name).name.startswith(".")}
-        assert left == files(reference), sorted(left)
+            left = {path: left[path] for path in left if not path.split("/")[-1].startswith(".")}
+        for path, content in left.items():
+            assert content in (before.get(path), after.get(path)), path
+        assert set(before) & set(after) <= set(left), sorted(left)
+
+    def prepare(folder: Path) -> None:
+        shutil.copytree(old, folder)
 
     return Subject(prepare, run, run, files, intact)
 
@@ -237,10 +254,17 @@ def writer(name: str, run_folder: Path) -> Subject:
 def files(folder: Path) -> dict[str, str]:
     """Names and digests of the files in a folder, temporary ones included."""
     return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        str(path.relative_to(folder)): _content(path)
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
+
+
+def _content(path: Path) -> str:
+    if path.name.endswith(".pkl.gz"):  # the empty cells of pyribs' archives hold anything
+        with gzip.open(path) as stream:
+            return digest(dict(pickle.load(stream).data()))
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @contextlib.contextmanager
@@ -258,7 +282,10 @@ def subject_of(command: str) -> Iterator[Subject]:
             settings = settings_of("map_elites" if command in ARCHIVE else "sep_cma_es")
             code, error = in_child(lambda: ncrs.train(folder, progress=False, **settings) and None)
             assert code == 0, error
-            yield writer(command, folder)
+            quiet = contextlib.redirect_stderr(io.StringIO())
+            with contextlib.redirect_stdout(io.StringIO()), quiet:
+                subject = writer(command, folder, Path(place, "old"), Path(place, "new"))
+            yield subject
 
 
 def crash(subject: Subject, folder: Path, expected: Any, point: str, mode: str) -> str | None:
@@ -320,8 +347,10 @@ def examine(command: str, every: int, modes: Sequence[str]) -> dict[str, Any]:
 def warm_up(subject: Subject) -> None:
     """Import and compile all that the children need; leave no threads to torch."""
     torch.set_num_threads(1)
-    with tempfile.TemporaryDirectory() as place, contextlib.redirect_stdout(io.StringIO()):
+    quiet = contextlib.redirect_stderr(io.StringIO())
+    with tempfile.TemporaryDirectory() as place, contextlib.redirect_stdout(io.StringIO()), quiet:
         folder = Path(place, "folder")
+        subject.prepare(folder)
         subject.run(folder)
         subject.intact(folder, False)
         subject.outcome(folder)
