@@ -115,9 +115,7 @@ def run_batched(task: Task, case: Case) -> Run:
     return Run(float(np.mean(rewards)), bool(state.success), touched, center)
 
 
-def free_cases(
-    count: int, sizes: Sequence[int] = (3, 5, 5, 7), first: int = 0
-) -> Iterator[Case]:
+def free_cases(count: int, sizes: Sequence[int] = (3, 5, 5, 7), first: int = 0) -> Iterator[Case]:
     """Draw random bodies and actions in the open, with the light out of the way.
 
     Every fourth body is unstable. Actions are white noise, or held for 20 steps at a time, which

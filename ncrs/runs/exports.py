@@ -6,11 +6,12 @@ import csv
 import gzip
 import io
 import pickle
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ncrs.evolution.archive import Archive
 from ncrs.runs.checkpoint import write_atomically
@@ -25,6 +26,8 @@ CSV_COLUMNS = (
     *MEASURES, "fitness", "success", "standing_still", "generation",
     "evaluation_seed", "body",
 )  # fmt: skip
+
+_CELLS_AT_ONCE = 1000
 
 
 class ExportError(NCRSError, ValueError):
@@ -80,6 +83,13 @@ def to_pyribs(archive: Archive, axes: Sequence[str] = MEASURES) -> Any:
         for column, name in enumerate(MEASURES)
         if column not in columns
     }
+    extra: dict[str, tuple[tuple[int, ...], Any]] = {
+        "body": ((archive.grid_size**2,), np.int8),
+        "generation": ((), np.int64),
+        "success": ((), np.float64),
+        "evaluation_seed": ((archive.column("seeds").shape[1],), np.int64),
+        **dict.fromkeys(others, ((), np.int64)),
+    }
     result = GridArchive(
         solution_dim=archive.dimension,
         dims=(high - low + 1).tolist(),
@@ -88,14 +98,10 @@ def to_pyribs(archive: Archive, axes: Sequence[str] = MEASURES) -> Any:
         solution_dtype=np.float32,
         objective_dtype=np.float64,
         measures_dtype=np.float64,
-        extra_fields={
-            "body": ((archive.grid_size**2,), np.int8),
-            "generation": ((), np.int64),
-            "success": ((), np.float64),
-            "evaluation_seed": ((archive.column("seeds").shape[1],), np.int64),
-            **dict.fromkeys(others, ((), np.int64)),
-        },
+        seed=0,
+        extra_fields=extra,
     )
+    _clear(result, low, high, extra)
     if len(archive):
         result.add(
             archive.column("genomes"),
@@ -110,6 +116,29 @@ def to_pyribs(archive: Archive, axes: Sequence[str] = MEASURES) -> Any:
     return result
 
 
+def _clear(
+    grid: Any,
+    low: NDArray[np.int64],
+    high: NDArray[np.int64],
+    extra: Mapping[str, tuple[tuple[int, ...], Any]],
+) -> None:
+    """Fill every cell of a grid with zeros, and empty it: pyribs leaves in them what was in memory.
+
+    Args:
+        grid: pyribs' archive, empty.
+        low: Smallest measures.
+        high: Largest measures.
+        extra: Shape and dtype of the grid's own fields.
+    """
+    axes = [np.arange(first, last + 1.0) for first, last in zip(low, high, strict=True)]
+    measures = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    for part in np.array_split(measures, len(measures) // _CELLS_AT_ONCE + 1):
+        count = len(part)
+        zeros = {name: np.zeros((count, *shape), dtype) for name, (shape, dtype) in extra.items()}
+        grid.add(np.zeros((count, grid.solution_dim)), np.zeros(count), part, **zeros)
+    grid.clear()
+
+
 def write_pyribs(archive: Archive, path: Path, axes: Sequence[str] = MEASURES) -> None:
     """Write ``to_pyribs(archive, axes)`` as a pickle, compressed with gzip.
 
@@ -121,7 +150,8 @@ def write_pyribs(archive: Archive, path: Path, axes: Sequence[str] = MEASURES) -
 
     def write(stream: IO[bytes]) -> None:
         # Most of the grid is empty: of 5 x 5 cells' 220 MB, files keep a fifth or less.
-        with gzip.open(stream, "wb") as compressed:
+        # Without the time of day: the same archive gives the same file.
+        with gzip.GzipFile("", "wb", fileobj=stream, mtime=0) as compressed:
             pickle.dump(grid, compressed)
 
     write_atomically(path, write)

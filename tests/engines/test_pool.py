@@ -15,6 +15,7 @@ from ncrs.engines.box2d import Box2DEngine
 from ncrs.engines.pool import WorkerPool, WorkerWarning, _Map
 from ncrs_envs.scenario import sample_scenarios
 from ncrs_envs.tasks import TaskSettings
+from tests.engines.stopping import stop_always, stop_once
 
 
 def never():
@@ -67,43 +68,23 @@ def test_a_killed_worker_is_an_error_that_names_the_job(pool):
     assert pool.pids == []
 
 
-def stop_itself(path):
-    """Stop this process as a debugger would, the first time; the second one returns a number."""
-    try:
-        with open(path, "x"):
-            pass
-    except FileExistsError:
-        return 7
-    os.kill(os.getpid(), signal.SIGSTOP)
-
-
-def stop_always(_):
-    os.kill(os.getpid(), signal.SIGSTOP)
-
-
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no process can be stopped here")
-def test_a_stopped_worker_is_replaced_and_its_job_done_again(pool, tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(os.path.dirname(__file__))
-    from test_pool import stop_itself
-
+def test_a_stopped_worker_is_replaced_and_its_job_done_again(pool, tmp_path):
     before = pool.map(abs, [1, 2], ["a", "b"], never) and pool.pids
-    with pytest.warns(WorkerWarning, match="did not answer for 3 s while evaluating genome 0"):
-        results = pool.map(stop_itself, [tmp_path / "once"], ["genome 0"], never, limit_s=3)
+    with pytest.warns(WorkerWarning, match="did not answer for 5 s while evaluating genome 0"):
+        results = pool.map(stop_once, [tmp_path / "once"], ["genome 0"], never, limit_s=5)
     assert results == [7]
     assert len(set(before) & set(pool.pids)) == 1
     assert pool.map(abs, [-1, -2, -3], list("abc"), never) == [1, 2, 3]
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no process can be stopped here")
-def test_a_job_that_stops_two_workers_is_an_error_that_names_it(pool, monkeypatch):
-    monkeypatch.syspath_prepend(os.path.dirname(__file__))
-    from test_pool import stop_always
-
+def test_a_job_that_stops_two_workers_is_an_error_that_names_it(pool):
     with (
         pytest.warns(WorkerWarning),
         pytest.raises(EngineError, match="was killed by SIGKILL while evaluating genome 5"),
     ):
-        pool.map(stop_always, [None], ["genome 5"], never, limit_s=3)
+        pool.map(stop_always, [None], ["genome 5"], never, limit_s=5)
     assert pool.pids == []
 
 

@@ -9,7 +9,7 @@ import pytest
 from ncrs.cli import main
 from ncrs.evolution.archive import Archive, MeasureSpace
 from ncrs.runs.elites import EliteArchive, make_archive
-from ncrs.runs.exports import ExportError, to_pyribs
+from ncrs.runs.exports import ExportError, to_pyribs, write_pyribs
 from ncrs_envs.tasks import TaskSettings
 
 pytest.importorskip("ribs")
@@ -63,6 +63,14 @@ def test_every_triple_has_its_own_cell(archive):
     np.testing.assert_array_equal(data["evaluation_seed"][order], archive.column("seeds"))
     bodies = data["body"][order].reshape(-1, GRID, GRID)
     np.testing.assert_array_equal(bodies, archive.column("bodies"))
+
+
+def test_the_same_archive_gives_the_same_file(archive, tmp_path):
+    used = [np.full(10**6, number, dtype=np.float32) for number in range(20)]
+    del used  # the memory that the second file's empty cells get
+    for name in ("first", "second"):
+        write_pyribs(archive, tmp_path / name)
+    assert (tmp_path / "first").read_bytes() == (tmp_path / "second").read_bytes()
 
 
 def test_the_table_of_pyribs(archive):

@@ -266,7 +266,7 @@ def test_other_settings_are_refused_on_resuming_with_both_values(undisturbed):
 def test_going_on_with_other_versions_is_warned_of(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(versions, "version", lambda name: "0.1")
-        patch.setattr("Box2D.__version__", "0.2")
+        patch.setattr("ncrs_envs.box2d_world.VERSION", "0.2")
         train(quick(generations=1), tmp_path)
     expected = r"saved with torch 0\.1 \(now .*numba 0\.1.*cma 0\.1.*Box2D 0\.2"
     with pytest.warns(versions.VersionWarning, match=expected):
