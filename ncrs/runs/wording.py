@@ -26,7 +26,10 @@ def override(name: str, value: object) -> str:
     if not re.fullmatch(r"[\w./:+-]+", text, re.ASCII):
         escaped = text.replace("'", "\\'")
         text = f"'{escaped}'"
-    return shlex.quote(f"{name}={text}")
+    word = f"{name}={text}"
+    if "'" in word and not re.search(r'["$`\\!]', word):
+        return f'"{word}"'  # easier to read than single quotes in single quotes
+    return shlex.quote(word)
 
 
 def train_command() -> str:

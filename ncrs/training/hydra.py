@@ -29,7 +29,7 @@ from ncrs.runs.settings import (
     load_config,
     unknown_setting,
 )
-from ncrs.runs.wording import train_command
+from ncrs.runs.wording import override, train_command
 from ncrs.training.explanations import all_explanations
 from ncrs.training.files import holds_run
 from ncrs_envs.errors import NCRSError
@@ -121,7 +121,7 @@ def errors_of_hydra() -> Iterator[None]:
 def config_error(error: Exception) -> ConfigError:
     """Turn an error of Hydra or OmegaConf into one or two sentences."""
     if isinstance(error, OverrideParseException):
-        return ConfigError(f"Cannot read the setting {error.override!r}: {_first_line(error)}.")
+        return _unreadable(error)
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, name = error.missing_cfg_file.rpartition("/")
         if group in _EXTRAS and name in _EXTRAS[group]:
@@ -140,6 +140,16 @@ def config_error(error: Exception) -> ConfigError:
     if isinstance(cause, OmegaConfBaseException) and cause.full_key:
         return ConfigError(f"{cause.full_key} is invalid: {_first_line(cause)}.")
     return ConfigError(f"{_first_line(error)}.")
+
+
+def _unreadable(error: OverrideParseException) -> ConfigError:
+    name, is_setting, value = error.override.partition("=")
+    if is_setting and not value.isascii():  # Hydra's grammar knows ASCII only outside quotes
+        return ConfigError(
+            f"Cannot read the setting {error.override!r}: put a value with such letters in quotes, "
+            f"{override(name, value)}."
+        )
+    return ConfigError(f"Cannot read the setting {error.override!r}: {_first_line(error)}.")
 
 
 def _first_line(error: Exception) -> str:
@@ -193,8 +203,8 @@ def _resumed(folder: str, overrides: Sequence[str]) -> TrainConfig:
     """Load the settings of the run in a folder, with the changes that the overrides may make."""
     own = load_config(Path(folder))
     values = OmegaConf.structured(own)
-    for override in parse_overrides(overrides):
-        name, value = override.key_or_group, override.value()
+    for word in parse_overrides(overrides):
+        name, value = word.key_or_group, word.value()
         if name == "experiment":
             raise ConfigError("A resumed run keeps its own settings: leave out experiment.")
         if name == "optimizer":

@@ -71,8 +71,8 @@ def test_a_killed_worker_is_an_error_that_names_the_job(pool):
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no process can be stopped here")
 def test_a_stopped_worker_is_replaced_and_its_job_done_again(pool, tmp_path):
     before = pool.map(abs, [1, 2], ["a", "b"], never) and pool.pids
-    with pytest.warns(WorkerWarning, match="did not answer for 5 s while evaluating genome 0"):
-        results = pool.map(stop_once, [tmp_path / "once"], ["genome 0"], never, limit_s=5)
+    with pytest.warns(WorkerWarning, match="did not answer for 4 s while evaluating genome 0"):
+        results = pool.map(stop_once, [tmp_path / "once"], ["genome 0"], never, limit_s=4)
     assert results == [7]
     assert len(set(before) & set(pool.pids)) == 1
     assert pool.map(abs, [-1, -2, -3], list("abc"), never) == [1, 2, 3]
@@ -84,7 +84,7 @@ def test_a_job_that_stops_two_workers_is_an_error_that_names_it(pool):
         pytest.warns(WorkerWarning),
         pytest.raises(EngineError, match="was killed by SIGKILL while evaluating genome 5"),
     ):
-        pool.map(stop_always, [None], ["genome 5"], never, limit_s=5)
+        pool.map(stop_always, [None], ["genome 5"], never, limit_s=4)
     assert pool.pids == []
 
 

@@ -22,3 +22,7 @@ def test_the_printed_resume_is_read_as_it_is(folder):
     (word,) = shlex.split(override("resume", folder))
     (parsed,) = OverridesParser.create().parse_overrides([word])
     assert (parsed.key_or_group, parsed.value()) == ("resume", folder)
+
+
+def test_the_printed_resume_is_easy_to_read():
+    assert override("resume", "my runs/a") == "\"resume='my runs/a'\""

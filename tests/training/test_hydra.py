@@ -139,6 +139,7 @@ def test_the_command_line_wins_over_an_experiment(composed):
         (["-m", "generation=range(3,5)"], "Did you mean generations"),
         (["resume=/nowhere"], "holds no run"),
         (["task=[,"], "Cannot read"),
+        (["hydra.run.dir=läuft"], r"put a value with such letters in quotes, \"hydra.run.dir='l"),
     ],
 )
 def test_bad_arguments_are_refused_with_what_is_allowed(arguments, message):

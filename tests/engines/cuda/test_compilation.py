@@ -83,7 +83,13 @@ def _link(ptx, capability):
     return log.decode()
 
 
-@pytest.mark.parametrize("name", MAX_SPILLED)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name == "roll_out" else name
+        for name in MAX_SPILLED
+    ],
+)
 def test_a_kernel_compiles_within_its_bounds(name, monkeypatch):
     genomes, courses, buffers = _arguments()
     kernel, arguments = {

@@ -1,0 +1,91 @@
+"""Long use, and use with little: memory, files and threads stay bounded. All slow."""
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+import ncrs
+
+ROOT = Path(__file__).parents[2]
+MEGABYTE = 2**20
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads /proc"),
+]
+
+
+def usage():
+    """Resident bytes, open files and threads of this process."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    files = len(os.listdir("/proc/self/fd"))
+    return pages * os.sysconf("SC_PAGE_SIZE"), files, threading.active_count()
+
+
+def check_growth(before, after, megabytes):
+    assert after[0] - before[0] < megabytes * MEGABYTE
+    assert after[1] <= before[1] + 2
+    assert after[2] <= before[2]
+
+
+def test_two_thousand_generations(tmp_path):
+    seen = {}
+
+    def watch(generation, metrics):
+        if generation.index in (200, 1999):
+            seen[generation.index] = usage()
+
+    ncrs.train(
+        tmp_path, callback=watch, progress=False, generations=2000, episodes=2, seed=1,
+        optimizer={"name": "sep_cma_es", "population": 8, "parents": None, "sigma": 0.02},
+        start_from="light_chase/best", champion_every=500, champion_episodes=2,
+        checkpoint_seconds=5,
+    )  # fmt: skip
+    check_growth(seen[200], seen[1999], megabytes=100)
+
+
+def test_twenty_thousand_steps_of_a_thousand_robots():
+    envs = gymnasium.make_vec("NCRS-Obstacle-v0", 1024, autoreset_mode="SameStep")
+    envs.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1, 1, (10, *envs.action_space.shape))
+    before = None
+    for step in range(20_000):
+        envs.step(actions[step % 10].astype(np.float32))
+        if step == 1000:
+            before = usage()
+    check_growth(before, usage(), megabytes=20)
+    envs.close()
+
+
+LIMITED = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_AS, (12 * 2**30, 12 * 2**30))
+resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
+sys.argv = ["ncrs", *sys.argv[1:]]
+from ncrs.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize("side", [5, 15])
+def test_no_home_little_memory_and_few_files(tmp_path, side):
+    kept = {name: os.environ[name] for name in ("PATH",) if name in os.environ}
+    environment = {**kept, "PYTHONPATH": str(ROOT), "HOME": "/nowhere", "LC_ALL": "C"}
+    run = tmp_path / "läuft"
+    command = [
+        sys.executable, "-X", "faulthandler", "-c", LIMITED, "train",
+        f"task.grid_size={side}", "generations=1", "episodes=2", "optimizer.population=16",
+        "champion_every=1", "champion_episodes=2", f"hydra.run.dir='{run}'",
+    ]  # fmt: skip
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, timeout=500, check=False
+    )
+    assert done.returncode == 0, done.stderr.decode(errors="replace")
+    assert done.stdout.startswith(b"Finished 1 generations")
+    assert ncrs.load_archive(run).task.grid_size == side
