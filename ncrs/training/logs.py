@@ -42,14 +42,14 @@ class RunLog:
         with writing(run_dir):
             keep_events(run_dir, start)
             self._writer = SummaryWriter(str(run_dir))
+            if start == 0:
+                self._text("config", asdict(config))
+                self._text("versions", versions())
+                add_settings(self._writer, config)
         self._pictures = RunPictures(self._writer)
         self._table = MetricsFile(run_dir, start)
         self._of_champion: dict[str, float] = {}
         self._last = config.generations - 1
-        if start == 0:
-            self._text("config", asdict(config))
-            self._text("versions", versions())
-            add_settings(self._writer, config)
         terminal = sys.stderr.isatty()
         self._bar = tqdm(
             total=config.generations,

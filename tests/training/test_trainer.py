@@ -263,6 +263,16 @@ def test_other_settings_are_refused_on_resuming_with_both_values(undisturbed):
     assert (run_dir / "config.json").read_bytes() == before[1]
 
 
+def test_event_files_that_cannot_be_written_are_one_sentence(tmp_path, monkeypatch):
+    def full(*arguments):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    # TensorBoard's thread writes, and the next call raises what it met.
+    monkeypatch.setattr("torch.utils.tensorboard.SummaryWriter.add_text", full)
+    with pytest.raises(CheckpointError, match=r"Could not write .*No space left on device"):
+        train(quick(generations=1), tmp_path)
+
+
 def test_going_on_with_other_versions_is_warned_of(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(versions, "version", lambda name: "0.1")
