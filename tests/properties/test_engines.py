@@ -1,6 +1,7 @@
 """Random worlds of every size on both simulators; `NCRS_FUZZ=fuzz pytest -m slow` runs more."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,24 +14,38 @@ SIZES = range(3, 16)
 FREE_UNITS = 0.0003
 """Centres after 100 steps without contact; bodies of 15 x 15 drive three times as far as 5 x 5."""
 FITNESS = 0.03
+"""Largest difference in fitness of an episode that is not sensitive, see ``is_sensitive``."""
+SHIFTS = (1e-4, -1e-4, 1e-3, -1e-3)
 MEAN_FITNESS = 0.001
 WORST = [
-    ("light_chase", 20658), ("light_chase", 20471), ("obstacle", 21271), ("obstacle", 21331),
+    ("light_chase", 20658), ("light_chase", 301496), ("light_chase", 301995),
+    ("obstacle", 21271), ("obstacle", 21331), ("obstacle", 300103),
     ("carry_ball", 21158), ("carry_ball", 20659), ("carry_ball", 20952),
 ]  # fmt: skip
-"""The worst of 1,500 episodes of each task."""
+"""The worst of 3,500 episodes of each task."""
 
 
-def differences(task, count, first):
-    """Differences in fitness between the simulators, of episodes that may start."""
-    found = []
+def is_sensitive(task, case, difference):
+    """True if Box2D itself differs half as much when the start moves by at most 0.001 units."""
+    x, y = case.scenario.start
+    fitness = run_box2d(task, case).fitness
+    moved = [replace(case.scenario, start=(x + shift, y)) for shift in SHIFTS]
+    others = [run_box2d(task, replace(case, scenario=scenario)).fitness for scenario in moved]
+    return max(abs(other - fitness) for other in others) >= difference / 2
+
+
+def check_contacts(name, count, first):
+    """Compare episodes that may start; return their number and their mean difference."""
+    task, found = get_task(name), []
     for case in contact_cases(task, count, SIZES, first):
         try:
             case.scenario.check(task, len(case.body))
         except ScenarioError:
             continue
-        found.append(run_batched(task, case).fitness - run_box2d(task, case).fitness)
-    return np.abs(found)
+        difference = abs(run_batched(task, case).fitness - run_box2d(task, case).fitness)
+        assert difference <= FITNESS or is_sensitive(task, case, difference), (name, case.seed)
+        found.append(difference)
+    return len(found), np.mean(found)
 
 
 def check(count, first):
@@ -39,10 +54,9 @@ def check(count, first):
         ends = run_box2d(light_chase, case).center, run_batched(light_chase, case).center
         assert math.dist(*ends) <= FREE_UNITS, case.seed
     for name in sorted(TASKS):
-        found = differences(get_task(name), count, first)
-        assert len(found) > count / 2
-        assert found.max() <= FITNESS, (name, first + int(found.argmax()))
-        assert found.mean() <= MEAN_FITNESS, name
+        compared, mean = check_contacts(name, count, first)
+        assert compared > count / 2
+        assert mean <= MEAN_FITNESS, name
 
 
 def test_random_worlds_of_all_sizes():
@@ -57,4 +71,4 @@ def test_many_random_worlds_of_all_sizes(part):
 
 @pytest.mark.parametrize(("task", "seed"), WORST)
 def test_the_worst_known_worlds(task, seed):
-    assert differences(get_task(task), 1, seed).max() <= FITNESS
+    assert check_contacts(task, 1, seed)[0] == 1
