@@ -224,7 +224,7 @@ class RobotEnv(_BaseEnv):
         return None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a pickle or a copy holds: all but the window, which it opens anew."""
+        """Return what a pickle or a copy holds: all but the window."""
         return {**self.__dict__, "_window": None}
 
     def close(self) -> None:
