@@ -13,10 +13,10 @@ import torch
 def plain_torch() -> Iterator[None]:
     """Let torch compute within the block as a new process does.
 
-    Autocast and other convolutions would round otherwise; torch's global generator is left as it
-    was. The default dtype and device need no care: all tensors are made with their own.
+    Autocast and other convolutions would round otherwise. The default dtype and device need no
+    care: all tensors are made with their own.
     """
-    with torch.random.fork_rng(devices=[]), torch.autocast("cpu", enabled=False), _plain_onednn():
+    with torch.autocast("cpu", enabled=False), _plain_onednn():
         yield
 
 

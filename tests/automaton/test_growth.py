@@ -100,3 +100,10 @@ def test_recorded_growth_starts_with_the_seed_and_ends_with_the_body(genomes):
         np.testing.assert_array_equal(alone.states[1:], states)
         np.testing.assert_array_equal(alone.bodies[-1], body)
         np.testing.assert_allclose(alone.states, growth.states[index], atol=1e-5)
+
+
+def test_noise_without_a_seed_differs_each_time(full_genome):
+    nca = NCA(state_noise=0.5)
+    nca.set_genome(full_genome)
+    first, second = record_growth(nca).states, record_growth(nca).states
+    assert not np.array_equal(first, second)
