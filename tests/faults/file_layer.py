@@ -91,8 +91,8 @@ class FileLayer:
         full = os.path.join(parent, os.path.basename(text))
         return os.path.relpath(full, self.root) if full.startswith(self.root + os.sep) else None
 
-    def _reach(self, kind: str, path: str) -> None:
-        """Note an operation, and fail if it is the one to fail at."""
+    def _reach(self, kind: str, path: str) -> str:
+        """Note an operation, and fail if it is the one to fail at; returns its name."""
         with self._lock:
             name = f"{kind} {_stable(path)}"
             self._seen[name] += 1
@@ -102,6 +102,7 @@ class FileLayer:
                 self._fail(path)
             if self._is_full and kind in ("write", "mkdir", "open"):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path)
+            return point
 
     def _fail(self, path: str) -> None:
         if self._mode == "ENOSPC":
@@ -127,10 +128,8 @@ class FileLayer:
         number = os.fstat(stream.fileno()).st_ino
         with self._lock:
             self._synced.setdefault(number, (os.path.join(self.root, path), stream.tell()))
-            is_torn = self._mode == TEAR
-            before = len(self.points)
-            self._reach("write", path)
-            if is_torn and self.points[before] == self._point:
+            point = self._reach("write", path)
+            if self._mode == TEAR and point == self._point:
                 os.write(stream.fileno(), bytes(data)[: len(data) // 2])
                 os._exit(DIED)
 

@@ -164,11 +164,10 @@ def leftovers(folder: Path) -> list[str]:
 
 @dataclass
 class Subject:
-    """A command to crash: how to begin, what to run, what to do afterwards, and what must come."""
+    """A command to crash: how to begin, what to run, also after a crash, and what must come."""
 
     prepare: Callable[[Path], None]
     run: Callable[[Path], Any]
-    repeat: Callable[[Path], Any]
     outcome: Callable[[Path], Any]
     intact: Callable[[Path, bool], None]
     """Raises ``AssertionError`` if what is left is not as promised, after a crash (True) or after
@@ -197,7 +196,7 @@ def training(optimizer: str, done: int) -> Subject:
                     read(folder)
             main(["results", str(folder), "--output", str(folder.parent / "results")])
 
-    return Subject(begin, train, train, outcome_of_run, readable)
+    return Subject(begin, train, outcome_of_run, readable)
 
 
 def sweep() -> Subject:
@@ -216,7 +215,7 @@ def sweep() -> Subject:
         table = (folder / "results.csv").read_text()
         return {"table": table, "leftovers": leftovers(folder)}
 
-    return Subject(lambda _: None, run, run, outcome, lambda *_: None)
+    return Subject(lambda _: None, run, outcome, lambda *_: None)
 
 
 def writer(name: str, run_folder: Path, old: Path, new: Path) -> Subject:
@@ -248,7 +247,7 @@ def writer(name: str, run_folder: Path, old: Path, new: Path) -> Subject:
     def prepare(folder: Path) -> None:
         shutil.copytree(old, folder)
 
-    return Subject(prepare, run, run, files, intact)
+    return Subject(prepare, run, files, intact)
 
 
 def files(folder: Path) -> dict[str, str]:
@@ -299,7 +298,7 @@ def crash(subject: Subject, folder: Path, expected: Any, point: str, mode: str) 
     code, error = in_child(lambda: subject.intact(folder, is_dead))
     if code:
         return f"left something: {error}"
-    code, error = in_child(lambda: subject.repeat(folder))
+    code, error = in_child(lambda: subject.run(folder))
     if code:
         return f"cannot go on: {error}"
     code, outcome = in_child(lambda: subject.outcome(folder))
