@@ -120,7 +120,7 @@ def test_render_command(run_dir, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["evaluate", "/nowhere"], "does not exist"),
+        (["evaluate", "{run}/nowhere"], "does not exist"),
         (["evaluate", "{run}", "--episodes", "0"], "positive integer"),
         (["render", "{run}", "--size", "3"], "render_size"),
     ],

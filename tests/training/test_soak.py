@@ -76,7 +76,9 @@ main()
 @pytest.mark.parametrize("side", [5, 15])
 def test_no_home_little_memory_and_few_files(tmp_path, side):
     kept = {name: os.environ[name] for name in ("PATH",) if name in os.environ}
-    environment = {**kept, "PYTHONPATH": str(ROOT), "HOME": "/nowhere", "LC_ALL": "C"}
+    (tmp_path / "a file").touch()  # below it not even root can make a folder
+    home = str(tmp_path / "a file" / "home")
+    environment = {**kept, "PYTHONPATH": str(ROOT), "HOME": home, "LC_ALL": "C"}
     run = tmp_path / "läuft"
     command = [
         sys.executable, "-X", "faulthandler", "-c", LIMITED, "train",
