@@ -9,7 +9,6 @@ from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 
-from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
 from ncrs.evolution.archive import Archive
@@ -17,7 +16,7 @@ from ncrs.runs.champion import Champion
 from ncrs.runs.checkpoint import sync_files, writing
 from ncrs.runs.metrics import METRICS_FILE, MetricsFile
 from ncrs.runs.settings import TrainConfig
-from ncrs.training.events import event_files, keep_events
+from ncrs.training.events import RunWriter, event_files, keep_events
 from ncrs.training.generation import Generation
 from ncrs.training.tensorboard import RunPictures, add_curves, add_end, add_settings
 from ncrs.training.versions import versions
@@ -41,7 +40,7 @@ class RunLog:
         self._run_dir = run_dir
         with writing(run_dir):
             keep_events(run_dir, start)
-            self._writer = SummaryWriter(str(run_dir))
+            self._writer = RunWriter(run_dir)
             if start == 0:
                 self._text("config", asdict(config))
                 self._text("versions", versions())

@@ -26,8 +26,10 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import torch
@@ -35,8 +37,10 @@ import torch
 import ncrs
 from ncrs.cli import main
 from ncrs.evolution.optimizers import OPTIMIZERS
+from ncrs.runs.assessment import assess
 from ncrs.runs.champion import load_champion_file
 from ncrs.runs.checkpoint import CHECKPOINT_FOLDER, CheckpointFolder
+from ncrs.training import jobs
 from ncrs.training.files import holds_run
 from ncrs_envs.errors import NCRSError
 from tests.faults.file_layer import DIED, MODES, FileLayer, modes_of
@@ -112,7 +116,7 @@ def _guarded(work: Callable[[], Any], layer: FileLayer | None) -> tuple[int, Any
         try:
             result = work()
         except NCRSError as error:
-            return REFUSED, str(error)
+            return (FOUND if "Traceback" in errors.getvalue() else REFUSED), str(error)
         except SystemExit as error:
             is_refused = error.code in (REFUSED, 1) and "Traceback" not in errors.getvalue()
             return (REFUSED if is_refused else FOUND), errors.getvalue()[-2000:]
@@ -209,7 +213,8 @@ def sweep() -> Subject:
     ]  # fmt: skip
 
     def run(folder: Path) -> None:
-        main(["train", *words, f"hydra.sweep.dir={folder}"])
+        with mock.patch.object(jobs, "assess", partial(assess, episodes=2)):
+            main(["train", *words, f"hydra.sweep.dir={folder}"])
 
     def outcome(folder: Path) -> Any:
         table = (folder / "results.csv").read_text()

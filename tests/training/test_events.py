@@ -1,19 +1,21 @@
 """Event files: each step of each tag once, in order, whatever was killed and whenever."""
 
 import os
+import socket
+import threading
 import time
+from pathlib import Path
 
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-from torch.utils.tensorboard import SummaryWriter
 
-from ncrs.training.events import KEPT_FILE, keep_events
+from ncrs.training.events import KEPT_FILE, RunWriter, keep_events
 
 
 def session(folder, steps, name=None):
     """Write one session's file; ``name`` is what another clock would have called it."""
-    before = set(folder.iterdir()) if folder.exists() else set()
-    writer = SummaryWriter(str(folder))
+    before = set(folder.iterdir())
+    writer = RunWriter(folder)
     for step in steps:
         writer.add_scalar("fitness/best", float(step), step)
     writer.close()
@@ -64,3 +66,38 @@ def test_half_an_event_at_the_end_is_dropped(tmp_path):
     file.write_bytes(file.read_bytes()[:-7])
     keep_events(tmp_path, 4)
     assert curve(tmp_path) == [0, 1, 2]
+
+
+def test_events_can_be_read_while_the_run_goes_on(tmp_path):
+    now = 0.0
+    writer = RunWriter(tmp_path, lambda: now)
+    writer.add_scalar("fitness/best", 0.0, 0)
+    assert curve(tmp_path) == []
+    now = 11.0
+    writer.add_scalar("fitness/best", 1.0, 1)
+    assert curve(tmp_path) == [0, 1]
+    writer.add_scalar("fitness/best", 2.0, 2)
+    writer.flush()
+    assert curve(tmp_path) == [0, 1, 2]
+    writer.close()
+    writer.close()
+    with pytest.raises(ValueError, match="is closed"):
+        writer.add_scalar("fitness/best", 3.0, 3)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_is_the_callers_error_and_nothing_else(tmp_path, monkeypatch, capfd):
+    threads = threading.active_count()
+    with pytest.raises(OSError, match="No space left"):
+        RunWriter(full_folder(tmp_path, monkeypatch))
+    assert threading.active_count() == threads
+    assert capfd.readouterr() == ("", "")
+
+
+def full_folder(tmp_path, monkeypatch):
+    """Make a folder whose next event file lies on a full disk."""
+    monkeypatch.setattr("time.time", lambda: 1.0)
+    monkeypatch.setattr("os.getpid", lambda: 2)
+    name = f"events.out.tfevents.0000000001.{socket.gethostname()}.2"
+    (tmp_path / name).symlink_to("/dev/full")
+    return tmp_path
