@@ -174,9 +174,13 @@ class _Map:
                 succeeded, value = worker.call(self._function, self._arguments[index])
             except (EOFError, OSError, ValueError):
                 # ValueError: the pool is closing and has closed the streams.
-                error = _Late if worker.is_late else EngineError
-                message = f"Worker process {worker.process.pid} {worker.describe_end()}"
-                self._done.put((index, False, error(message)))
+                name = f"Worker process {worker.process.pid}"
+                error = (
+                    _Late(f"{name}, the second to try, did not answer in time")
+                    if worker.is_late
+                    else EngineError(f"{name} {worker.describe_end()}")
+                )
+                self._done.put((index, False, error))
                 return
             self._longest = max(self._longest, monotonic() - began)
             self._done.put((index, succeeded, value))
