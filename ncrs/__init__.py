@@ -8,6 +8,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from ncrs.automaton.channels import GenomeError as GenomeError
     from ncrs.automaton.control import Controller as Controller
+    from ncrs.automaton.grow_to import grow_to as grow_to
     from ncrs.automaton.growth import grow as grow
     from ncrs.automaton.nca import NCA as NCA
     from ncrs.automaton.nca import NCAPopulation as NCAPopulation
@@ -37,6 +38,7 @@ _HOMES = {
     "champions": "ncrs.runs.published",
     "evaluate": "ncrs.engines.evaluate",
     "grow": "ncrs.automaton.growth",
+    "grow_to": "ncrs.automaton.grow_to",
     "load_archive": "ncrs.runs.elites",
     "load_champion": "ncrs.runs.published",
     "load_elite": "ncrs.runs.elites",

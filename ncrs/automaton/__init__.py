@@ -3,6 +3,7 @@
 - ``channels``: meaning of each channel and weight, and their order in the genome.
 - ``nca``: the update rule, for one genome (``NCA``) or a population (``NCAPopulation``).
 - ``growth``: from the seed cell to a body (section 3.1).
+- ``grow_to``: from a body to a genome that grows it.
 - ``control``: from sensors to wheels, with a copy of the automaton in every cell (section 3.2).
 - ``transfer``: from a genome of one task to one for the channels of another.
 """

@@ -64,7 +64,7 @@ def grow(
     states = []
     with torch.no_grad():
         for _ in range(growth_steps(grid_size)):
-            alive = _alive(state)
+            alive = alive_cells(state)
             state = nca(state, generator) * alive
             if history:
                 states.append(state)
@@ -109,7 +109,8 @@ def seed_state(channels: int, grid_size: int) -> Tensor:
     return state
 
 
-def _alive(state: Tensor) -> Tensor:
+def alive_cells(state: Tensor) -> Tensor:
+    """Tell which cells are alive, bool ``(..., 1, n, n)``, from states ``(..., C, n, n)``."""
     body = state[..., BODY_CHANNEL : BODY_CHANNEL + 1, :, :]
     flat = body.reshape(-1, 1, *body.shape[-2:])
     return (functional.max_pool2d(flat, 3, stride=1, padding=1) > ALIVE_THRESHOLD).view_as(body)

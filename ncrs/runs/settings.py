@@ -100,7 +100,7 @@ class TrainConfig:
     """Bonus on that fitness, times exp(-d / P) with the episode's closest approach d."""
     start_from: str | None = None
     """Genome at which the search starts, instead of zero: a run's folder, a champion's file, or the
-    name of a champion that comes with the package; of any task."""
+    name of a champion that comes with the package, of any task; or a genome's .npy."""
     champion_every: int = 25
     """Generations between two choices of the champion: the generation's best genome and the mean
     (or the best elite) are evaluated again, and the best so far is the champion."""

@@ -38,6 +38,12 @@ class SourceError(NCRSError, LookupError, ValueError):
     """A source that holds no robot, or options that do not fit what it holds."""
 
 
+def is_genome_file(source: str | Path) -> bool:
+    """Tell whether a source is a file with a genome alone, which needs a task."""
+    path = Path(source)
+    return path.suffix.lower() == GENOME_SUFFIX and path.is_file()
+
+
 def load_robot(
     source: str | Path,
     *,
@@ -76,7 +82,7 @@ def load_robot(
     known = suffix in (GENOME_SUFFIX, RECORD_SUFFIX, _STATE_SUFFIX)
     if path.is_file() and not known and not zipfile.is_zipfile(path):
         raise SourceError(f"{source} is no file of a robot: {_FILES}")
-    is_genome = suffix == GENOME_SUFFIX
+    is_genome = is_genome_file(path)
     if not is_genome and (task is not None or grid_size is not None):
         raise SourceError(
             f"A task and a grid size are for genomes in {GENOME_SUFFIX}; {source} has its own."

@@ -64,7 +64,7 @@ class Search:
         seed = seed_sequence(config.seed, Stream.OPTIMIZER)
         optimizer = make_optimizer(config.optimizer, self._layout.num_parameters, seed)
         if config.start_from is not None and config.resume is None:
-            start = start_genome(config.start_from, self._layout, config.symmetric)
+            start = start_genome(config.start_from, config.task, config.symmetric)
             optimizer.start_from(start)
         return optimizer
 
