@@ -5,5 +5,6 @@
 - ``growth``: from the seed cell to a body (section 3.1).
 - ``grow_to``: from a body to a genome that grows it.
 - ``control``: from sensors to wheels, with a copy of the automaton in every cell (section 3.2).
+- ``circuit``: from signals between cells to weights that drive a robot, for genomes by hand.
 - ``transfer``: from a genome of one task to one for the channels of another.
 """
