@@ -6,5 +6,6 @@
 - ``grow_to``: from a body to a genome that grows it.
 - ``control``: from sensors to wheels, with a copy of the automaton in every cell (section 3.2).
 - ``circuit``: from signals between cells to weights that drive a robot, for genomes by hand.
+- ``carrier``: a robot by hand that carries the ball.
 - ``transfer``: from a genome of one task to one for the channels of another.
 """

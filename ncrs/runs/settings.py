@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
 from ncrs.evolution.optimizers import OPTIMIZERS, OptimizerSettings, SepCMAESSettings
+from ncrs.evolution.space import WEIGHTS, SpaceError, check_space
 from ncrs.runs.checkpoint import write_json
 from ncrs.runs.seeds import SeedError, check_seed
 from ncrs.runs.wording import train_command
@@ -98,6 +99,9 @@ class TrainConfig:
     reports keep the plain fitness."""
     approach_bonus: float = 0.0
     """Bonus on that fitness, times exp(-d / P) with the episode's closest approach d."""
+    space: str = WEIGHTS
+    """Search space: weights, all of them; carrier, the gains of a robot by hand that carries the
+    ball; or the name of a registered one."""
     start_from: str | None = None
     """Genome at which the search starts, instead of zero: a run's folder, a champion's file, or the
     name of a champion that comes with the package, of any task; or a genome's .npy."""
@@ -124,6 +128,7 @@ class TrainConfig:
             check_seed(self.seed)
         except SeedError as error:
             raise ConfigError(str(error)) from error
+        self._check_space()
         mirroring = self.sampling().mirroring
         if self.episodes % 2 and mirroring != "none":
             raise ConfigError(
@@ -136,6 +141,21 @@ class TrainConfig:
                 f"success_bonus and approach_bonus change the fitness that an optimizer is told; "
                 f"{self.optimizer.name} learns from its archive instead, which holds the plain "
                 "fitness. Leave them out, or use another optimizer."
+            )
+
+    def _check_space(self) -> None:
+        try:
+            check_space(self.space)
+        except SpaceError as error:
+            raise ConfigError(str(error)) from error
+        if self.space == WEIGHTS:
+            return
+        from_elites = getattr(self.optimizer, "restart_from", None) == "elite"
+        if from_elites or not self.optimizer.maximises_fitness:
+            raise ConfigError(
+                f"space={self.space} needs an optimizer that does not start again from elites, "
+                f"which are genomes; {self.optimizer.name} does. Use cma_es, sep_cma_es or "
+                "iso_cma_es, with restart_from=mean."
             )
 
     def sampling(self) -> ScenarioSampling:

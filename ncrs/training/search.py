@@ -16,12 +16,13 @@ from ncrs.evolution.objective import Objective
 from ncrs.evolution.optimizers import OptimizerError, make_optimizer
 from ncrs.evolution.optimizers.base import Genomes, Optimizer
 from ncrs.evolution.reestimation import reestimate
+from ncrs.evolution.space import WEIGHTS
 from ncrs.evolution.standstill import standing_still_fitness
 from ncrs.runs.elites import EliteArchive, make_archive
 from ncrs.runs.seeds import Stream, seed_row, seed_sequence
 from ncrs.runs.settings import ConfigError, TrainConfig
 from ncrs.training.generation import Generation
-from ncrs.training.start import start_genome
+from ncrs.training.start import search_space
 from ncrs_envs.scenario import Scenario
 
 
@@ -50,6 +51,7 @@ class Search:
     def __init__(self, config: TrainConfig) -> None:
         self._config = config
         self._layout = nca_layout(config.task.task)
+        self._space = search_space(config)
         self._sampling = config.sampling()
         self.objective = Objective(config.task, config.success_bonus, config.approach_bonus)
         self.archive = make_archive(config.task)
@@ -57,15 +59,15 @@ class Search:
             self._optimizer = self._new_optimizer()
         except OptimizerError as error:
             raise ConfigError(str(error)) from error
-        self._optimizer.attach(self.archive)
+        if config.space == WEIGHTS:  # elites are no points of other spaces
+            self._optimizer.attach(self.archive)
 
     def _new_optimizer(self) -> Optimizer:
         config = self._config
         seed = seed_sequence(config.seed, Stream.OPTIMIZER)
-        optimizer = make_optimizer(config.optimizer, self._layout.num_parameters, seed)
-        if config.start_from is not None and config.resume is None:
-            start = start_genome(config.start_from, config.task, config.symmetric)
-            optimizer.start_from(start)
+        optimizer = make_optimizer(config.optimizer, self._space.dimension, seed)
+        if self._space.start.any():
+            optimizer.start_from(self._space.start)
         return optimizer
 
     def ask(self) -> Genomes:
@@ -159,6 +161,7 @@ class Search:
         scenarios = self._sampling.draw(task.task, sequence, config.episodes, task.grid_size)
         return scenarios, seed_row(sequence)
 
-    def _searched(self, genomes: Genomes) -> Genomes:
-        """Project onto symmetric genomes if only those are searched."""
+    def _searched(self, points: Genomes) -> Genomes:
+        """Return the genomes of points, the nearest symmetric ones if only those are searched."""
+        genomes = self._space.genomes(points)
         return self._layout.symmetric(genomes) if self._config.symmetric else genomes

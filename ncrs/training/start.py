@@ -1,17 +1,40 @@
-"""The genome that a search starts from."""
+"""The space of a search, and the genome that it starts from."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.automaton.channels import nca_layout
+from ncrs.automaton.channels import NCALayout, nca_layout
 from ncrs.automaton.transfer import transferred
-from ncrs.runs.settings import ConfigError
+from ncrs.evolution.space import SPACES, WEIGHTS, SearchSpace, SpaceError
+from ncrs.runs.settings import ConfigError, TrainConfig
 from ncrs.runs.sources import SourceError, is_genome_file, load_robot
 from ncrs_envs.tasks import TaskSettings
 
 _TOLERANCE = 1e-5
+
+
+def search_space(config: TrainConfig) -> SearchSpace:
+    """Make the search space of a run, at its start.
+
+    Raises:
+        ConfigError: If the space does not fit the task or ``start_from``, or that is missing.
+        InstallationError: If the installation is incomplete and has no champions to start from.
+        CheckpointError: If the file to start from is damaged.
+    """
+    layout, start = nca_layout(config.task.task), None
+    # All weights come back from a checkpoint; other spaces lie around their start.
+    is_needed = config.resume is None or config.space != WEIGHTS
+    if config.start_from is not None and is_needed:
+        start = start_genome(config.start_from, config.task, config.symmetric)
+    try:
+        space = SPACES[config.space](layout, start)
+    except SpaceError as error:
+        raise ConfigError(str(error)) from error
+    if config.space != WEIGHTS and config.symmetric:
+        _check_symmetric(layout, space.genomes(space.start[None])[0], f"space={config.space}")
+    return space
 
 
 def start_genome(source: str, task: TaskSettings, symmetric: bool) -> NDArray[np.float64]:
@@ -40,9 +63,14 @@ def start_genome(source: str, task: TaskSettings, symmetric: bool) -> NDArray[np
             f"{error}"
         ) from error
     start = transferred(robot.genome, nca_layout(robot.task.name), layout)
-    if symmetric and not np.allclose(layout.symmetric(start[None])[0], start, atol=_TOLERANCE):
-        raise ConfigError(
-            f"start_from={source} does not treat left and right alike, but this search requires "
-            "it; set symmetric=false."
-        )
+    if symmetric:
+        _check_symmetric(layout, start, f"start_from={source}")
     return start
+
+
+def _check_symmetric(layout: NCALayout, genome: NDArray[np.float64], setting: str) -> None:
+    if not np.allclose(layout.symmetric(genome[None])[0], genome, atol=_TOLERANCE):
+        raise ConfigError(
+            f"{setting} does not treat left and right alike, but this search requires it; set "
+            "symmetric=false."
+        )
