@@ -49,6 +49,12 @@ EXPECTED = {
         "longer.curves['fitness/mean'].shape": [3],
         "longer.finished": True,
     },
+    "by_hand.md": {
+        "float(success)": 1.0,
+        "round(float(fitness), 3)": 0.738,
+        "run.champion.genome.shape": [4572],
+        "bool(run.champion.fitness > 0.62)": True,
+    },
     "extending.md": {
         "len(run.curves['fitness/best'])": 3,
         "result.fitness.shape": [1],
