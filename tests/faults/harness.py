@@ -85,8 +85,9 @@ def settings_of(optimizer: str) -> dict[str, Any]:
         "optimizer": {"name": optimizer, **OPTIMIZER_SETTINGS[optimizer]},
         "engine": {"name": "batched", "workers": 1},
         "generations": _GENERATIONS, "episodes": 2, "champion_every": 1, "champion_episodes": 2,
-        "checkpoint_seconds": 0, "seed": 3,
+        "checkpoint_seconds": 0, "seed": 4,
     }  # fmt: skip
+    # With this seed 16 random genomes grow a valid body, and map_elites has a champion.
     return settings if optimizer == "map_elites" else {**settings, "start_from": "light_chase/best"}
 
 
