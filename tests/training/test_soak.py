@@ -91,3 +91,31 @@ def test_no_home_little_memory_and_few_files(tmp_path, side):
     assert done.returncode == 0, done.stderr.decode(errors="replace")
     assert done.stdout.startswith(b"Finished 1 generations")
     assert ncrs.load_archive(run).task.grid_size == side
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 400 kB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounting = ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", str(place)]
+    try:
+        subprocess.run(mounting, check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        pytest.skip(f"cannot mount a file system here: {error}")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+def test_a_small_disk_ends_a_run_in_a_sentence_and_keeps_what_was_saved(small_disk):
+    command = [
+        sys.executable, "-m", "ncrs", "train", "generations=40", "optimizer.population=16",
+        "episodes=2", "champion_every=1", "champion_episodes=2", "checkpoint_seconds=0",
+        f"hydra.run.dir={small_disk / 'run'}",
+    ]  # fmt: skip
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "No space left on device. What was saved before is intact" in done.stderr
+    assert not list(small_disk.rglob("*.tmp"))
+    assert ncrs.load_archive(small_disk / "run").task.name == "light_chase"
