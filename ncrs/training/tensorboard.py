@@ -20,7 +20,7 @@ from torch.utils.tensorboard.summary import hparams
 
 from ncrs.evolution.archive import Archive
 from ncrs.runs.champion import Champion
-from ncrs.runs.settings import TrainConfig, config_from_dict, flat_settings
+from ncrs.runs.settings import TrainConfig, flat_settings
 from ncrs.viz.archive_grid import archive_grid
 from ncrs.viz.pictures import encode_animation, growth_and_episode
 from ncrs.viz.stills import heatmaps, strip
@@ -37,12 +37,6 @@ _LONG_RUN_SECONDS = 60.0
 _BODY_PIXELS = 160
 _ANIMATION_PIXELS = 160
 _STRIP_BODIES = 10
-RESULTS = (
-    "champion/fitness", "champion/success", "fitness/best_so_far", "qd/qd_score",
-    "qd/filled_fraction",
-)  # fmt: skip
-"""Curves whose last values stand beside the settings in the HPARAMS tab."""
-
 LAYOUT: Mapping[str, Mapping[str, list[Any]]] = {
     "Run": {
         "fitness": ["Multiline", ["^fitness/(best|mean|median|best_so_far)$", "champion/fitness"]],
@@ -218,23 +212,17 @@ def add_encoded_image(
     _file_writer(writer).add_summary(Summary(value=[Summary.Value(tag=tag, image=image)]), index)
 
 
-def _settings(config: TrainConfig) -> dict[str, Any]:
-    """Flatten the settings, those that differ from their defaults first: they were chosen."""
-    given = flat_settings(asdict(config))
-    plain = config_from_dict({"optimizer": {"name": config.optimizer.name}})
-    defaults = flat_settings(asdict(plain.resolved()))
-    return dict(sorted(given.items(), key=lambda item: defaults.get(item[0]) == item[1]))
-
-
 def add_settings(writer: SummaryWriter, config: TrainConfig) -> None:
     """Add the settings as hyperparameters of this run, and the layout of the charts.
 
-    ``SummaryWriter.add_hparams`` would make a run of its own for them, in a sub-folder.
+    ``SummaryWriter.add_hparams`` would make a run of its own for them, in a sub-folder, and a record
+    of the experiment. Without that record TensorBoard compares the runs, and lists first what
+    differs between them.
     """
-    settings = {name: value for name, value in _settings(config).items() if value is not None}
-    experiment, session, _ = hparams(settings, dict.fromkeys(RESULTS, 0.0))  # type: ignore[no-untyped-call]
-    for summary in (experiment, session):
-        _file_writer(writer).add_summary(summary)
+    settings = flat_settings(asdict(config))
+    given = {name: value for name, value in settings.items() if value is not None}
+    _, session, _ = hparams(given, {})  # type: ignore[no-untyped-call]
+    _file_writer(writer).add_summary(session)
     writer.add_custom_scalars(LAYOUT)
 
 
