@@ -215,9 +215,9 @@ def add_encoded_image(
 def add_settings(writer: SummaryWriter, config: TrainConfig) -> None:
     """Add the settings as hyperparameters of this run, and the layout of the charts.
 
-    ``SummaryWriter.add_hparams`` would make a run of its own for them, in a sub-folder, and a record
-    of the experiment. Without that record TensorBoard compares the runs, and lists first what
-    differs between them.
+    ``SummaryWriter.add_hparams`` would make a run of its own for them, in a sub-folder, and record
+    the experiment. Without that record TensorBoard compares the runs, and lists first what differs
+    between them.
     """
     settings = flat_settings(asdict(config))
     given = {name: value for name, value in settings.items() if value is not None}
