@@ -63,6 +63,7 @@ def test_champions_are_listed_with_their_tests(capsys):
     assert best.split()[1:] == ["0.650", "100.0%", "of", "1,000", "25", "15", "10"]
 
 
+@pytest.mark.slow
 @BASH
 def test_settings_are_completed():
     assert "complete" in run("train", "-sc", "install=bash")

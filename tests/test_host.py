@@ -94,6 +94,7 @@ print("untouched", digest(state()) == before)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="sets limits and masks of POSIX")
 def test_whatever_a_program_has_set_results_stay_and_so_do_its_settings(tmp_path):
     pytest.importorskip("matplotlib")

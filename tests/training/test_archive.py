@@ -124,7 +124,7 @@ train(dataclasses.replace(load_config(Path(folder)), resume=folder), folder)
         pytest.param("cma_me", "checkpoint", 2, marks=pytest.mark.slow),
         pytest.param("cma_mae", "checkpoint", 1, marks=pytest.mark.slow),
         ("map_elites", "tell", 3),
-        ("cma_es", "checkpoint", 1),
+        pytest.param("cma_es", "checkpoint", 1, marks=pytest.mark.slow),
     ],
 )
 def test_a_run_killed_where_it_hurts_ends_bit_equal(undisturbed, tmp_path, name, where, calls):

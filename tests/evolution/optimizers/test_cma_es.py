@@ -217,6 +217,7 @@ def test_it_is_still_cma_es(function):
     assert 0.85 < row["ratio"] < 1.15
 
 
+@pytest.mark.slow
 def test_it_is_still_cma_es_when_the_factor_is_renewed_as_rarely_as_at_the_papers_size():
     gap, medians = 7.8, []
 

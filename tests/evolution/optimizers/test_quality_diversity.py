@@ -59,7 +59,7 @@ def fill(name, generations, seed=0, **settings):
     return archive
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_cma_me_fills_more_at_a_higher_qd_score_than_cma_es_at_equal_evaluations(seed):
     plain = fill("cma_es", 600, seed, **FULL).statistics()
     diverse = fill("cma_me", 600, seed, **{**FULL, "emitters": 4}).statistics()
