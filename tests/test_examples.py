@@ -64,7 +64,9 @@ def test_advantages_by_hand(ppo):
     torch.testing.assert_close(ppo["advantages"](rewards, values, settings), expected)
 
 
-@pytest.mark.parametrize("task", ["light_chase", "carry_ball"])
+@pytest.mark.parametrize(
+    "task", ["light_chase", pytest.param("carry_ball", marks=pytest.mark.slow)]
+)
 def test_ppo_trains_and_writes_its_curve(ppo, task, tmp_path):
     curve = tmp_path / "curve.csv"
     recipe = ppo["RECIPES"][task]

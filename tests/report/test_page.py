@@ -167,6 +167,7 @@ def test_shown_numbers_of_an_episode_are_those_recorded(page, report, read_data,
     assert page.find(".outcome").text == text
 
 
+@pytest.mark.slow
 def test_two_elites_side_by_side(page, archive):
     page.open(width=1600)
     page.click(page.cell(archive.measures[5]))

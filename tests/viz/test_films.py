@@ -54,6 +54,7 @@ def test_the_episode_moves(robot):
     assert (np.abs(first - last)[:, :240] > 50).any()
 
 
+@pytest.mark.slow
 def test_progress_counts_every_frame(robot, tmp_path):
     options = FilmOptions(episodes=2, speed=1.0, height=240)
     seen = []

@@ -208,7 +208,13 @@ def test_one_seed_one_run_and_numpys_generator_is_left_alone():
     np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
 
 
-@pytest.mark.parametrize("function", list(FUNCTIONS))
+@pytest.mark.parametrize(
+    "function",
+    [
+        "ellipsoid",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in FUNCTIONS if name != "ellipsoid"),
+    ],
+)
 def test_it_is_still_cma_es(function):
     # The turning of the Cholesky factor must not upset the step size.
     row = compare(function, dimension=6, seeds=5, precision="float32")

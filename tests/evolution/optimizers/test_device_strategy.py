@@ -84,7 +84,9 @@ def test_it_makes_the_steps_that_pycma_makes(kind, changes, monkeypatch):
     assert ours.sigma < 0.49
 
 
-@pytest.mark.parametrize("kind", [CMAESSettings, SepCMAESSettings])
+@pytest.mark.parametrize(
+    "kind", [pytest.param(CMAESSettings, marks=pytest.mark.slow), SepCMAESSettings]
+)
 def test_it_reaches_the_optimum_of_an_ellipsoid(kind):
     search = OnDevice(DIMENSION, np.random.SeedSequence(3), _settings(kind))
     for _ in range(1500):
