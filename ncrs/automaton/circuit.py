@@ -277,9 +277,15 @@ class _Writer:
                     "channels, or store some of them."
                 )
 
+    def _unit_of_constant(self, signal: Signal) -> Unit | None:
+        """Return the unit that brings a signal's constant; None if the flag or a bias can."""
+        if signal.layer == LAYERS:
+            return self._one_carried if signal.constant else None
+        return self._one if signal.layer and signal.constant > 0 else None
+
     def _place(self, signal: Signal) -> None:
-        if signal.constant and (signal.layer == LAYERS or (signal.layer and signal.constant > 0)):
-            one = self._one_carried if signal.layer == LAYERS else self._one
+        one = self._unit_of_constant(signal)
+        if one is not None:
             signal = Signal(signal.layer, signal.terms | {(one, signal.constant)})
         for term, _ in sorted(signal.terms, key=repr):
             if isinstance(term, Unit):
@@ -304,13 +310,15 @@ class _Writer:
             for term, weight in unit.signal.terms:
                 assert isinstance(term, Unit)
                 middle[place, self._first[term]] = weight
-            if unit.signal.constant > 0:
-                middle[place, self._first[self._one]] += unit.signal.constant
+            one = self._unit_of_constant(unit.signal)
+            if one is not None:
+                middle[place, self._first[one]] += unit.signal.constant
             else:
                 bias2[place] = unit.signal.constant
         for channel, signal in self._changes.items():
             for term, weight in signal.terms:
                 assert isinstance(term, Unit)
                 writing[channel, self._second[term]] = weight
-            if signal.constant:
-                writing[channel, self._second[self._one_carried]] += signal.constant
+            one = self._unit_of_constant(signal)
+            if one is not None:
+                writing[channel, self._second[one]] += signal.constant
