@@ -86,12 +86,16 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
         try:
             with temporary.open("wb") as stream:
                 write(stream)
-                stream.flush()
-                os.fsync(stream.fileno())
-            temporary.replace(path)
+            replace_synced(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
-        _sync_folder(path.parent)
+
+
+def replace_synced(made: Path, path: Path) -> None:
+    """Put a finished file in another one's place, so that a power cut leaves one of them whole."""
+    _sync(made, os.O_RDWR)
+    made.replace(path)
+    _sync_folder(path.parent)
 
 
 def sync_files(folder: Path, paths: Iterable[Path]) -> None:

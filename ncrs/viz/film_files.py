@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ncrs.runs.checkpoint import writing
+from ncrs.runs.checkpoint import replace_synced, writing
 from ncrs.viz.errors import VizError
 
 _GIF_WIDTH = 540
@@ -45,16 +45,16 @@ class FilmWriter(ABC):
         Raises:
             CheckpointError: If the file could not be written whole; an older one is intact then.
         """
-        try:
-            with writing(self._path):
+        with writing(self._path):
+            try:
                 self._finish()
                 if keep:
                     written = self._frames_written()
                     if written != self._frames:
                         raise OSError(f"{written} of {self._frames} frames were written")
-                    self._unfinished.replace(self._path)
-        finally:
-            self._unfinished.unlink(missing_ok=True)
+                    replace_synced(self._unfinished, self._path)
+            finally:
+                self._unfinished.unlink(missing_ok=True)
 
 
 class Mp4Writer(FilmWriter):
