@@ -1,6 +1,6 @@
 """Crash a command at every one of its file operations, and see what is left.
 
-    python -m tests.faults.harness COMMAND [--every N] [--modes die ENOSPC ...]
+    python -m tests.faults.harness COMMAND [--every N] [--modes die ENOSPC ...] [--once]
 
 Prints one JSON line: the numbers of operations and of crashes tried, and the findings. A training
 run must resume to the end that an undisturbed one has, a command that writes files must leave each
@@ -326,8 +326,15 @@ def _differences(expected: Any, found: Any) -> str:
     return "; ".join(differences)
 
 
-def examine(command: str, every: int, modes: Sequence[str]) -> dict[str, Any]:
-    """Crash a command at every ``every``-th of its operations, in each of ``modes`` that fits."""
+def examine(command: str, every: int, modes: Sequence[str], once: bool = False) -> dict[str, Any]:
+    """Crash a command at every ``every``-th of its operations, in each of ``modes`` that fits.
+
+    Args:
+        command: One of ``COMMANDS``.
+        every: Distance of the operations.
+        modes: What goes wrong, some of ``MODES``.
+        once: Whether only the first mode that fits is tried at each.
+    """
     findings: list[str] = []
     tried = 0
     with subject_of(command) as subject, tempfile.TemporaryDirectory() as place:
@@ -339,7 +346,8 @@ def examine(command: str, every: int, modes: Sequence[str]) -> dict[str, Any]:
         code, expected = in_child(lambda: subject.outcome(reference))
         assert code == 0, expected
         for point in points[::every]:
-            for mode in (mode for mode in modes_of(point) if mode in modes):
+            fitting = [mode for mode in modes_of(point) if mode in modes]
+            for mode in fitting[: 1 if once else None]:
                 shutil.rmtree(folder, ignore_errors=True)
                 subject.prepare(folder)
                 finding = crash(subject, folder, expected, point, mode)
@@ -367,9 +375,10 @@ def run_harness() -> None:
     parser.add_argument("command", choices=COMMANDS)
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--modes", nargs="+", choices=MODES, default=MODES)
+    parser.add_argument("--once", action="store_true", help="crash once at each operation")
     options = parser.parse_args()
     sys.argv = ["ncrs"]
-    print(json.dumps(examine(options.command, options.every, options.modes)))
+    print(json.dumps(examine(options.command, options.every, options.modes, options.once)))
 
 
 if __name__ == "__main__":
