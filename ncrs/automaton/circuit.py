@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -81,12 +82,15 @@ class Signal:
             low, high = low + ends[0], high + ends[1]
         return low, high
 
-    def at(self, layer: int) -> Signal:
-        """Carry this signal to a later layer, unchanged."""
+    def at(self, layer: int, cut: float = -math.inf) -> Signal:
+        """Carry this signal to a later layer, unchanged, but for values below ``cut``.
+
+        Values below become ``cut``; the higher it is, the smaller are the weights.
+        """
         if self.layer >= layer:
             return self
-        low = min(0.0, self.range[0])
-        return (relu(self - low) + low).at(layer)
+        low = min(0.0, max(cut, self.range[0]))
+        return (relu(self - low) + low).at(layer, cut)
 
     def __add__(self, other: Signal | float) -> Signal:
         if not isinstance(other, Signal):
@@ -221,7 +225,9 @@ class Circuit:
             raise CircuitError(f"{channel} does not change during control; set one of {names}.")
         if index in self._changes:
             raise CircuitError(f"{channel} is set already.")
-        self._changes[index] = (signal - self._tap(index, 0, 0)).at(LAYERS)
+        # From anywhere a change by twice the limit reaches the limit: a larger one is not needed.
+        change = signal - self._tap(index, 0, 0)
+        self._changes[index] = change.at(LAYERS, -2.0 * STATE_LIMIT)
 
     def _index(self, channel: str) -> int:
         names = self._layout.channel_names

@@ -67,6 +67,26 @@ def test_signals_have_the_values_that_are_written(value):
         np.testing.assert_allclose(found[name], values, atol=2e-4, err_msg=name)
 
 
+def test_a_large_gain_does_not_need_large_weights_elsewhere():
+    circuit = Circuit()
+    difference = circuit.tap(IO, 0, 1) - circuit.tap(IO, 0, -1)
+    circuit.set("hidden 1", 300 * difference)
+    genome = circuit.genome()
+    reading, silence, *others = (
+        layer[0] for layer in nca_layout("light_chase").layers(genome[None])
+    )
+    assert np.abs(reading).max() == pytest.approx(5 * 601 + 10, abs=1)  # the flag's weight
+    assert silence.min() == pytest.approx(-5 * 601)
+    assert max(np.abs(weights).max() for weights in others) == 10  # twice the limit of a state
+    sensed = np.zeros((5, 5))
+    sensed[0, [0, 4]] = 0.503, 0.5
+    found = run(circuit, body="L#L.L/WWWWW/#####/WWWWW/#####", sensed=sensed)["hidden 1"]
+    assert found[0, 1] == -5.0
+    sensed[0, 2] = 0.5
+    found = run(circuit, body="L#L.L/WWWWW/#####/WWWWW/#####", sensed=sensed)["hidden 1"]
+    assert found[0, 1] == pytest.approx(-0.9, abs=2e-3)
+
+
 def test_a_switch_lets_values_of_both_signs_pass():
     for sign in (-1, 1):
         circuit = Circuit()
