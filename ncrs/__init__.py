@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ncrs.engines.base import Evaluation as Evaluation
     from ncrs.engines.base import register_engine as register_engine
     from ncrs.engines.evaluate import evaluate as evaluate
+    from ncrs.evolution.objective import register_objective as register_objective
     from ncrs.evolution.optimizers.registry import register_optimizer as register_optimizer
     from ncrs.evolution.space import register_search_space as register_search_space
     from ncrs.runs.elites import Elite as Elite
@@ -44,6 +45,7 @@ _HOMES = {
     "load_champion": "ncrs.runs.published",
     "load_elite": "ncrs.runs.elites",
     "register_engine": "ncrs.engines.base",
+    "register_objective": "ncrs.evolution.objective",
     "register_optimizer": "ncrs.evolution.optimizers.registry",
     "register_search_space": "ncrs.evolution.space",
     "train": "ncrs.training.api",

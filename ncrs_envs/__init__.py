@@ -11,6 +11,7 @@ from ncrs_envs.body import (
     body_to_characters,
     parse_body,
 )
+from ncrs_envs.curriculum import register_curriculum
 from ncrs_envs.interface import ActionError, OptionError
 from ncrs_envs.mirroring import register_sampling
 from ncrs_envs.registration import register_all, register_task
@@ -40,6 +41,7 @@ __all__ = [
     "parse_body",
     "playfield",
     "register_all",
+    "register_curriculum",
     "register_sampling",
     "register_task",
     "sample_scenario",

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ncrs_envs.body import DEFAULT_GRID_SIZE
+from ncrs_envs.curriculum import NO_CURRICULUM, check_curriculum, eased
 from ncrs_envs.registry import Registry
 from ncrs_envs.scenario import (
     NOISE,
@@ -168,13 +169,24 @@ class ScenarioSampling:
     """Noise of the placements, see ``sample_scenario``."""
     kind: str = STANDARD
     """Name of a sampling: "standard", with the settings above, or one of ``SAMPLINGS``."""
+    curriculum: str = NO_CURRICULUM
+    """Name of a curriculum, one of ``CURRICULA``, which eases what is drawn for a generation."""
+    curriculum_generations: int = 0
+    """Generation from which the scenarios are as drawn."""
 
     def check(self) -> ScenarioSampling:
         """Return these settings if all are in range, else raise ``ScenarioError``."""
         check_mirroring(self.mirroring)
         check_noise(self.noise)
         check_sampling(self.kind)
+        check_curriculum(self.curriculum)
         return self
+
+    def ease(self, generation: int | None) -> float:
+        """Return the curriculum's ease in a generation, 0 to 1; 0 for None."""
+        if generation is None or not self.curriculum_generations:
+            return 0.0
+        return max(0.0, 1.0 - generation / self.curriculum_generations)
 
     def draw(
         self,
@@ -182,6 +194,7 @@ class ScenarioSampling:
         seed: int | Sequence[int] | np.random.SeedSequence,
         n: int = 12,
         grid_size: int = DEFAULT_GRID_SIZE,
+        generation: int | None = None,
     ) -> list[Scenario]:
         """Draw the scenarios of one evaluation.
 
@@ -191,13 +204,22 @@ class ScenarioSampling:
                 shorter one.
             n: Number of episodes, at least 1; the last set may be incomplete.
             grid_size: Side of the body grid.
+            generation: Generation of a run, which decides how far the curriculum eases the
+                scenarios; None for scenarios as they are drawn.
 
         Raises:
-            ScenarioError: ``n`` is not a positive integer, or a field is out of range.
+            ScenarioError: ``n`` is not a positive integer, a field is out of range, or the
+                curriculum does not suit the task.
             TaskError: The task is unknown.
         """
         task = get_task(task)
         self.check()
+        drawn = self._draw(task, seed, n, grid_size)
+        return eased(drawn, self.curriculum, self.ease(generation), task, grid_size)
+
+    def _draw(
+        self, task: Task, seed: int | Sequence[int] | np.random.SeedSequence, n: int, grid_size: int
+    ) -> list[Scenario]:
         sample = SAMPLINGS[self.kind]
         if sample is not None:
             return self._drawn_by(sample, task, (as_seed_sequence(seed), n), grid_size)

@@ -14,7 +14,7 @@ from ncrs.engines.evaluate import evaluate
 from ncrs.evolution.archive import NO_CELL, Archive, MeasureSpace
 from ncrs.runs.checkpoint import CheckpointError, read_state, write_state
 from ncrs.runs.robot import EvolvedRobot
-from ncrs.runs.seeds import row_numbers, row_sequence
+from ncrs.runs.seeds import row_numbers, row_sequence, training_generation
 from ncrs.runs.settings import run_file
 from ncrs_envs.body import Cell, parse_body
 from ncrs_envs.errors import NCRSError
@@ -67,7 +67,13 @@ class Elite(EvolvedRobot):
     def scenarios(self) -> list[Scenario]:
         """The scenarios in which it earned its fitness."""
         sequence = row_sequence(self.evaluation_seed)
-        return self.sampling.draw(self.task.name, sequence, self.episodes, self.task.grid_size)
+        return self.sampling.draw(
+            self.task.name,
+            sequence,
+            self.episodes,
+            self.task.grid_size,
+            training_generation(self.evaluation_seed),
+        )
 
     def evaluate(self, engine: str = AUTO_ENGINE) -> Evaluation:
         """Evaluate it in its scenarios again; the engine that found it gives the same fitness."""

@@ -85,6 +85,13 @@ def row_numbers(row: Iterable[int]) -> tuple[int, ...]:
     return tuple(int(number) for number in row if number != _FILL)
 
 
+def training_generation(row: Iterable[int]) -> int | None:
+    """Return the generation whose scenarios a row's stream drew; None for another stream's row."""
+    numbers = row_numbers(row)
+    is_training = len(numbers) > 2 and numbers[1] == Stream.SCENARIOS
+    return numbers[2] if is_training else None
+
+
 def row_sequence(row: Iterable[int]) -> np.random.SeedSequence:
     """Return the stream of a row: the inverse of ``seed_row``.
 

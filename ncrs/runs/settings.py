@@ -14,12 +14,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ncrs.engines.base import AUTO_ENGINE, check_workers, resolve_engine
+from ncrs.evolution.objective import FITNESS, ObjectiveError, check_objective
 from ncrs.evolution.optimizers import OPTIMIZERS, OptimizerSettings, SepCMAESSettings
 from ncrs.evolution.space import WEIGHTS, SpaceError, check_space
 from ncrs.runs.checkpoint import write_json
 from ncrs.runs.seeds import SeedError, check_seed
 from ncrs.runs.wording import train_command
 from ncrs_envs.checks import check_types, closest
+from ncrs_envs.curriculum import NO_CURRICULUM
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.mirroring import AUTO_MIRRORING, STANDARD, ScenarioSampling, resolve_mirroring
 from ncrs_envs.scenario import NOISE
@@ -92,8 +94,16 @@ class TrainConfig:
     """Maximum distance of the light or ball from the middle of its region in training, 0 to 0.35 of
     the playfield's half side P, which is 60 units for 5 x 5 cells; champions are compared at the
     paper's 0.05."""
+    curriculum: str = NO_CURRICULUM
+    """Scenarios that begin easy and become the task's own: nearer, with the light or ball nearer
+    and a passage wider; reverse, near the end; or the name of a registered one."""
+    curriculum_generations: int = 500
+    """Generations over which a curriculum's scenarios become the task's own."""
     symmetric: bool = True
     """Search only automata that treat left and right alike, which makes steering easier to find."""
+    objective: str = FITNESS
+    """Value that the optimizer maximises: fitness, the mean reward; soft_success, the fraction of
+    successes, where failures count more the nearer they came; or the name of a registered one."""
     success_bonus: float = 0.0
     """Bonus on the fitness of an episode that succeeds, for the optimizer only: the archive and all
     reports keep the plain fitness."""
@@ -135,10 +145,18 @@ class TrainConfig:
                 f"episodes must be even, since scenarios come in pairs of mirror images, got "
                 f"{self.episodes!r}; or set mirroring=none."
             )
+        self._check_objective()
+
+    def _check_objective(self) -> None:
+        try:
+            check_objective(self.objective)
+        except ObjectiveError as error:
+            raise ConfigError(str(error)) from error
         bonus = max(self.success_bonus, self.approach_bonus)
-        if bonus > 0 and not self.optimizer.maximises_fitness:
+        is_shaped = bonus > 0 or self.objective != FITNESS
+        if is_shaped and not self.optimizer.maximises_fitness:
             raise ConfigError(
-                f"success_bonus and approach_bonus change the fitness that an optimizer is told; "
+                f"objective, success_bonus and approach_bonus change what an optimizer is told; "
                 f"{self.optimizer.name} learns from its archive instead, which holds the plain "
                 "fitness. Leave them out, or use another optimizer."
             )
@@ -162,7 +180,16 @@ class TrainConfig:
         """Return the checked sampling of scenarios, with "auto" mirroring resolved."""
         try:
             mirroring = resolve_mirroring(self.mirroring, self.task.task, self.symmetric)
-            return ScenarioSampling(mirroring, self.placement_noise, self.scenarios).check()
+            plain = ScenarioSampling(mirroring, self.placement_noise, self.scenarios).check()
+            if self.curriculum == NO_CURRICULUM:
+                return plain
+            eased = replace(
+                plain,
+                curriculum=self.curriculum,
+                curriculum_generations=self.curriculum_generations,
+            )
+            eased.draw(self.task.task, 0, 1, self.task.grid_size, generation=0)
+            return eased
         except ValueError as error:
             raise ConfigError(str(error)) from error
 
@@ -178,6 +205,7 @@ class TrainConfig:
 _MINIMA = {
     "generations": 1,
     "episodes": 1,
+    "curriculum_generations": 1,
     "success_bonus": 0,
     "approach_bonus": 0,
     "champion_every": 1,

@@ -53,7 +53,9 @@ class Search:
         self._layout = nca_layout(config.task.task)
         self._space = search_space(config)
         self._sampling = config.sampling()
-        self.objective = Objective(config.task, config.success_bonus, config.approach_bonus)
+        self.objective = Objective(
+            config.task, config.success_bonus, config.approach_bonus, config.objective
+        )
         self.archive = make_archive(config.task)
         try:
             self._optimizer = self._new_optimizer()
@@ -79,7 +81,7 @@ class Search:
         keys: list[tuple[int, ...]] = [(generation,)]
         if not self._config.common_scenarios:
             keys = [(generation, genome) for genome in range(population)]
-        drawn = [self._draw(Stream.SCENARIOS, *key) for key in keys]
+        drawn = [self._draw(Stream.SCENARIOS, *key, eased_at=generation) for key in keys]
         return DrawnScenarios([row for row, _ in drawn], np.stack([seeds for _, seeds in drawn]))
 
     def add(
@@ -155,10 +157,14 @@ class Search:
         except (OptimizerError, ArchiveError) as error:
             raise ConfigError(str(error)) from error
 
-    def _draw(self, stream: Stream, *keys: int) -> tuple[list[Scenario], NDArray[np.int64]]:
+    def _draw(
+        self, stream: Stream, *keys: int, eased_at: int | None = None
+    ) -> tuple[list[Scenario], NDArray[np.int64]]:
         config, task = self._config, self._config.task
         sequence = seed_sequence(config.seed, stream, *keys)
-        scenarios = self._sampling.draw(task.task, sequence, config.episodes, task.grid_size)
+        scenarios = self._sampling.draw(
+            task.task, sequence, config.episodes, task.grid_size, eased_at
+        )
         return scenarios, seed_row(sequence)
 
     def _searched(self, points: Genomes) -> Genomes:

@@ -9,6 +9,7 @@ from ncrs.evolution.optimizers import CMAMESettings, MAPElitesSettings, SepCMAES
 from ncrs.evolution.optimizers.base import Optimizer
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointFolder
+from ncrs.runs.elites import load_archive
 from ncrs.runs.settings import ConfigError, EngineSettings, TrainConfig
 from ncrs.training.trainer import Trainer, train
 from ncrs_envs.tasks import LIGHT_CHASE, TaskSettings, default_body
@@ -96,3 +97,22 @@ def test_resuming_goes_on_from_the_state_and_not_from_the_start(seed_file, tmp_p
     train(longer, tmp_path / "run")
     assert load_champion_file(tmp_path / "run").fitness >= before.fitness
     assert folder.load()["run"]["generation"] == 3
+
+
+def test_an_elite_of_a_curriculum_has_its_fitness_in_its_scenarios(tmp_path):
+    optimizer = SepCMAESSettings(sigma=0.02, population=16, parents=None)
+    eased = config(
+        optimizer=optimizer, start_from="light_chase/best", curriculum="nearer",
+        curriculum_generations=4, objective="soft_success", generations=3,
+    )  # fmt: skip
+    train(eased, tmp_path / "eased")
+    plain = dataclasses.replace(eased, curriculum="none")
+    train(plain, tmp_path / "plain")
+    archives = [load_archive(tmp_path / name) for name in ("eased", "plain")]
+    assert archives[0].sampling.curriculum_generations == 4
+    assert archives[1].sampling == plain.sampling()
+    best = [archive.archive.statistics()["best"] for archive in archives]
+    assert best[0] > best[1] + 0.02  # the light is nearer
+    for archive in archives:
+        elite = archive.elite(archive.archive.measures[0])
+        assert elite.evaluate("batched").fitness[0] == elite.fitness
