@@ -91,6 +91,9 @@ class RolloutResult:
     success: NDArray[np.bool_]
     crossed: NDArray[np.bool_]
     closest: NDArray[np.float64]
+    grown: NDArray[np.bool_] | None = None
+    """False if the automaton's state became non-finite during growth, ``(P,)``; None where that is
+    not recorded."""
 
 
 class Engine(ABC):
@@ -129,10 +132,18 @@ class Engine(ABC):
             EngineError: A worker was lost.
             EvaluationInterrupted: ``should_stop`` returned True.
         """
+        return self._evaluation(self.roll_out(genomes, scenarios, should_stop))
+
+    def roll_out(
+        self,
+        genomes: Any,
+        scenarios: Sequence[Scenario] | ScenarioRows,
+        should_stop: StopCheck | None = None,
+    ) -> RolloutResult:
+        """Return what ``evaluate`` makes its results from; arguments and errors are the same."""
         checked = self.layout.check_genomes(genomes)
         rows = self._check_scenarios(scenarios, len(checked))
-        result = self._rollout(checked, rows, should_stop or (lambda: False))
-        return self._evaluation(result)
+        return self._rollout(checked, rows, should_stop or (lambda: False))
 
     @abstractmethod
     def _rollout(
@@ -145,6 +156,13 @@ class Engine(ABC):
         valid = task.is_valid(result.bodies)
         credit = task.partial_credit(result.bodies)[:, None]
         episode_fitness = np.where(valid[:, None], result.episode_fitness, credit)
+        for genome in [] if result.grown is None else np.flatnonzero(~result.grown):
+            warnings.warn(
+                f"The NCA's state of genome {genome} turned non-finite during growth; it has no "
+                "body. Its weights are too large.",
+                NonFiniteStateWarning,
+                stacklevel=3,
+            )
         for genome, episode in np.argwhere(~np.isfinite(episode_fitness)):
             warnings.warn(
                 f"The NCA's state of genome {genome} became non-finite in episode {episode}; its "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 
@@ -14,7 +13,6 @@ from ncrs.engines.base import (
     Engine,
     EngineSettingError,
     EvaluationInterrupted,
-    NonFiniteStateWarning,
     RolloutResult,
     ScenarioRows,
     StopCheck,
@@ -79,10 +77,9 @@ class BatchedEngine(Engine):
         for kernel in (grow, roll_out):
             kernel(np.arange(0))  # no genomes: compiles, or loads from disk
         self._spread(grow, np.arange(population), _GROWTH_CHUNK, should_stop)
-        warn_of_growth(grown.finite)
         valid = np.flatnonzero(settings.task.is_valid(grown.bodies))
         self._spread(roll_out, valid, 1, should_stop)
-        return RolloutResult(grown.bodies, *outcomes)
+        return RolloutResult(grown.bodies, *outcomes, grown=grown.finite)
 
     def _spread(
         self,
@@ -113,17 +110,6 @@ def check_compiled_rules(settings: TaskSettings) -> None:
         raise EngineSettingError(
             f"{settings.name} has its own reward or condition of success, which only Box2D "
             "runs: choose the engine box2d."
-        )
-
-
-def warn_of_growth(finite: NDArray[np.bool_]) -> None:
-    """Warn of each genome whose states did not stay finite during growth, ``(P,)``."""
-    for genome in np.flatnonzero(~finite):
-        warnings.warn(
-            f"The NCA's state of genome {genome} turned non-finite during growth; it has no "
-            "body. Its weights are too large.",
-            NonFiniteStateWarning,
-            stacklevel=4,
         )
 
 

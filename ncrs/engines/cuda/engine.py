@@ -21,7 +21,7 @@ from ncrs.engines.base import (
     ScenarioRows,
     StopCheck,
 )
-from ncrs.engines.batched import check_compiled_rules, scenario_table, warn_of_growth
+from ncrs.engines.batched import check_compiled_rules, scenario_table
 from ncrs.engines.cuda.devices import check_devices, on_device
 from ncrs.engines.cuda.part import Device, PartResult
 from ncrs_envs.batched.layout import Scenarios
@@ -88,9 +88,13 @@ class CUDAEngine(Engine):
             with ThreadPoolExecutor(len(shares), "ncrs-cuda") as pool:
                 parts = list(itertools.chain(*pool.map(evaluate, shares, self.devices)))
         whole = PartResult(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-        warn_of_growth(whole.finite)
         return RolloutResult(
-            whole.bodies, whole.episode_fitness, whole.success, whole.crossed, whole.closest
+            whole.bodies,
+            whole.episode_fitness,
+            whole.success,
+            whole.crossed,
+            whole.closest,
+            whole.finite,
         )
 
     def close(self) -> None:
