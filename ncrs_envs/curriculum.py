@@ -85,9 +85,13 @@ def _moved(line: Polyline, way: float, extent: float) -> Polyline:
     return tuple((min(max(x + way, -limit), limit), y) for x, y in line)
 
 
-CURRICULA: Registry[EaseFunction | None] = Registry(
-    "curriculum", {NO_CURRICULUM: None, "nearer": nearer, "reverse": reverse}
-)
+OWN_CURRICULA: dict[str, EaseFunction | None] = {
+    NO_CURRICULUM: None,
+    "nearer": nearer,
+    "reverse": reverse,
+}
+"""Those that come with the package."""
+CURRICULA: Registry[EaseFunction | None] = Registry("curriculum", OWN_CURRICULA)
 
 
 def register_curriculum(name: str, ease: EaseFunction) -> None:

@@ -191,7 +191,7 @@ class Engine(ABC):
                 "scenarios must be a sequence of ncrs_envs.Scenario, or one such sequence per "
                 "genome."
             )
-        checked: list[Sequence[Scenario]] = [list(row) for row in rows]
+        checked: list[Sequence[Scenario]] = rows
         if len(checked) not in (1, population):
             raise ScenarioError(
                 f"Give scenarios for all genomes, or one row for each of the {population}; "

@@ -23,6 +23,7 @@ from ncrs.runs.seeds import Stream, seed_row, seed_sequence
 from ncrs.runs.settings import ConfigError, TrainConfig
 from ncrs.training.generation import Generation
 from ncrs.training.start import search_space
+from ncrs_envs.drawing import draw_scenarios
 from ncrs_envs.scenario import Scenario
 
 
@@ -159,11 +160,11 @@ class Search:
 
     def _draw(
         self, stream: Stream, *keys: int, eased_at: int | None = None
-    ) -> tuple[list[Scenario], NDArray[np.int64]]:
-        config, task = self._config, self._config.task
+    ) -> tuple[Sequence[Scenario], NDArray[np.int64]]:
+        config = self._config
         sequence = seed_sequence(config.seed, stream, *keys)
-        scenarios = self._sampling.draw(
-            task.task, sequence, config.episodes, task.grid_size, eased_at
+        scenarios = draw_scenarios(
+            self._sampling, config.task, sequence, config.episodes, eased_at
         )
         return scenarios, seed_row(sequence)
 
