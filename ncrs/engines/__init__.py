@@ -5,6 +5,7 @@
 - ``batched``, ``rollout_kernels``, ``nca_kernels``, ``tiles``: the compiled engine, one thread per
   core; ``tapes`` records a rollout.
 - ``cuda``: the same on GPUs.
+- ``cluster``: shards of a population on workers of other machines, which use the engines above.
 - ``evaluate``: evaluation in one call, for scripts and notebooks.
 """
 

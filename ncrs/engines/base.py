@@ -145,6 +145,10 @@ class Engine(ABC):
         rows = self._check_scenarios(scenarios, len(checked))
         return self._rollout(checked, rows, should_stop or (lambda: False))
 
+    def metrics(self) -> dict[str, float]:
+        """Return the values of this engine's own curves; none for most engines."""
+        return {}
+
     @abstractmethod
     def _rollout(
         self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
@@ -243,6 +247,9 @@ def check_workers(workers: Any) -> int:
 
 CUDA_ENGINE = "cuda"
 """Name of the engine on GPUs."""
+DASK_ENGINE, FUTURES_ENGINE = "dask", "futures"
+CLUSTER_ENGINES = (DASK_ENGINE, FUTURES_ENGINE)
+"""Names of the engines that hand shards of a population to workers with engines of their own."""
 
 # Classes, or module and class: imported on use, since each needs its own heavy packages.
 ENGINES: Registry[str | type[Engine]] = Registry(
@@ -251,8 +258,32 @@ ENGINES: Registry[str | type[Engine]] = Registry(
         "batched": "ncrs.engines.batched:BatchedEngine",
         "box2d": "ncrs.engines.box2d:Box2DEngine",
         CUDA_ENGINE: "ncrs.engines.cuda.engine:CUDAEngine",
+        DASK_ENGINE: "ncrs.engines.cluster.dask:DaskEngine",
+        FUTURES_ENGINE: "ncrs.engines.cluster.futures:FuturesEngine",
     },
 )
+
+_NEEDED = {
+    CUDA_ENGINE: ("numba_cuda", "numba-cuda", "cuda"),
+    DASK_ENGINE: ("distributed", "distributed", "cluster"),
+}
+"""Module, package and extra that an engine needs."""
+
+AUDIT_SHARE = 0.01
+"""Share of a population that those engines evaluate on a second worker by default."""
+REFUSE, WARN = "refuse", "warn"
+"""Their reactions to a worker with other versions."""
+
+_OWN_SETTINGS = {
+    "devices": ("names GPUs", (CUDA_ENGINE,)),
+    "scheduler": ("names a Dask cluster", (DASK_ENGINE,)),
+    "executor": ("names an executor", (FUTURES_ENGINE,)),
+    "threads": ("is the number of threads of a worker", CLUSTER_ENGINES),
+    "on_workers": ("is an engine for workers", CLUSTER_ENGINES),
+    "audit": ("is a share to evaluate twice", CLUSTER_ENGINES),
+    "other_versions": ("is about versions on workers", CLUSTER_ENGINES),
+}
+"""Settings that only some engines use: meaning, and these engines."""
 
 
 def register_engine(engine: type[Engine]) -> None:
@@ -301,8 +332,9 @@ def has_gpu() -> bool:
 
 
 def usable_engines() -> list[str]:
-    """Return the names of the engines that can run here, in order."""
-    return sorted(name for name in ENGINES if name != CUDA_ENGINE or has_gpu())
+    """Return the names of the engines that compute in this process and can run here, in order."""
+    own = set(ENGINES) - {*CLUSTER_ENGINES}
+    return sorted(name for name in own if name != CUDA_ENGINE or has_gpu())
 
 
 def _has_driver() -> bool:
@@ -315,11 +347,16 @@ def _has_driver() -> bool:
     return True
 
 
+def _check_installed(name: str, module: str, package: str, extra: str) -> None:
+    if importlib.util.find_spec(module) is None:
+        raise EngineSettingError(
+            f"engine={name} needs the package {package}, which is not installed; install it with: "
+            f"pip install 'ncrs[{extra}]'"
+        )
+
+
 def make_engine(
-    name: str,
-    settings: TaskSettings,
-    workers: int | None = None,
-    devices: Sequence[int] | None = None,
+    name: str, settings: TaskSettings, workers: int | None = None, **own: Any
 ) -> Engine:
     """Make the engine of that name.
 
@@ -327,27 +364,25 @@ def make_engine(
         name: Name of the engine, or "auto".
         settings: Task and its settings.
         workers: Number of processes or threads; None for one per core.
-        devices: Indices of the GPUs that the engine cuda uses; None for the first.
+        **own: Settings that only this engine uses, see ``ncrs.runs.settings.EngineSettings``.
 
     Raises:
-        EngineSettingError: The engine is unknown, its package is not installed, or a GPU cannot be
-            used.
+        EngineSettingError: The engine is unknown, its package is not installed, a setting is
+            another engine's, or a GPU or a cluster cannot be used.
     """
     resolved = resolve_engine(name, settings.task)
-    if resolved == CUDA_ENGINE and importlib.util.find_spec("numba_cuda") is None:
-        raise EngineSettingError(
-            "engine=cuda needs the package numba-cuda, which is not installed; install it with: "
-            "pip install 'ncrs[cuda]'"
-        )
-    if devices is not None and resolved != CUDA_ENGINE:
-        raise EngineSettingError(
-            f"engine.devices names GPUs, which the engine {resolved} does not use; leave it out, "
-            "or choose engine=cuda."
-        )
+    if resolved in _NEEDED:
+        _check_installed(resolved, *_NEEDED[resolved])
+    for setting in own:
+        meaning, owners = _OWN_SETTINGS[setting]
+        if resolved not in owners:
+            raise EngineSettingError(
+                f"engine.{setting} {meaning}, which the engine {resolved} does not use; leave it "
+                f"out, or choose engine={' or '.join(owners)}."
+            )
     engine = ENGINES[resolved]
     if isinstance(engine, str):
-        module, _, attribute = engine.partition(":")
-        engine = getattr(importlib.import_module(module), attribute)
-    options: dict[str, Any] = {} if devices is None else {"devices": devices}
-    made: Engine = engine(settings, workers, **options)
+        home, _, attribute = engine.partition(":")
+        engine = getattr(importlib.import_module(home), attribute)
+    made: Engine = engine(settings, workers, **own)
     return made

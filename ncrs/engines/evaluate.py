@@ -41,8 +41,9 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
     Args:
         genomes: Finite real numbers, shape ``(P, num_parameters)`` or ``(num_parameters,)``.
         task: Task or its name, "light_chase", "obstacle" or "carry_ball".
-        engine: Engine to use: "batched" (compiled, fast), "box2d" (the reference), or "auto" for
-            the best engine that works here: batched, unless the task needs Box2D.
+        engine: Engine to use: "batched" (compiled, fast), "box2d" (the reference), "dask" or
+            "futures" (workers of a cluster), or "auto" for the best engine that works here:
+            batched, unless the task needs Box2D.
         scenarios: One row of E scenarios for all genomes, or P rows of E; None to sample them.
         episodes: Number of scenarios to sample, 12 in the paper; ignored if ``scenarios`` is given.
         seed: Seed for sampling the scenarios; ignored if ``scenarios`` is given.

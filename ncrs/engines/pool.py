@@ -82,7 +82,7 @@ def serve() -> None:
 
 
 class WorkerWarning(RuntimeWarning):
-    """A worker process that stopped answering was replaced."""
+    """A worker that stopped answering, or that differs from others; the evaluation went on."""
 
 
 class _Late(Exception):

@@ -63,9 +63,8 @@ class Trainer:
             EngineError: If a worker was lost.
         """
         config = self._config
-        engine = make_engine(
-            config.engine.name, config.task, config.engine.workers, config.engine.devices
-        )
+        settings = config.engine
+        engine = make_engine(settings.name, config.task, settings.workers, **settings.own())
         with engine, locked(self._run_dir):
             try:
                 self._start()
@@ -129,7 +128,7 @@ class Trainer:
             generation = Generation(state.generation, genomes, evaluation, added)
             state.count(evaluation)
             self._crown_if_due(generation, engine, log)
-            metrics = self._metrics(generation)
+            metrics = {**self._metrics(generation), **engine.metrics()}
             with timer.phase("log"):
                 log.generation(generation, metrics, search.archive)
             self._watch.generation(generation, metrics, stop)

@@ -1,5 +1,7 @@
 """Requirements on every engine."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -7,23 +9,50 @@ from ncrs import load_champion
 from ncrs.automaton.channels import CONTROL_CHANNEL, GenomeError, nca_layout
 from ncrs.engines.base import (
     CUDA_ENGINE,
+    DASK_ENGINE,
     ENGINES,
+    FUTURES_ENGINE,
     EvaluationInterrupted,
     NonFiniteStateWarning,
     has_gpu,
     make_engine,
 )
+from ncrs.engines.cluster import futures
 from ncrs.engines.evaluate import evaluate
 from ncrs_envs.body import body_measures
 from ncrs_envs.scenario import Scenario, ScenarioError, sample_scenarios
 from ncrs_envs.tasks import TASKS, TaskError, TaskSettings
 
 
+@pytest.fixture(scope="module")
+def cluster():
+    """Two Dask workers in this process, which starts at once; messages go over TCP all the same."""
+    distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+    ) as made:
+        yield made.scheduler_address
+
+
 @pytest.fixture(params=sorted(ENGINES))
-def engine(request):
+def engine(request, monkeypatch):
     if request.param == CUDA_ENGINE and not has_gpu():
         pytest.skip("needs a GPU and numba-cuda; tests/engines/cuda runs the kernels without one")
-    return request.param
+    if request.param == FUTURES_ENGINE:  # tests/engines/cluster/test_futures.py starts processes
+        monkeypatch.setattr(futures, "process_pool", ThreadPoolExecutor)
+    if request.param == DASK_ENGINE:
+        import dask
+
+        address = request.getfixturevalue("cluster")
+        with dask.config.set({"scheduler-address": address}):
+            yield request.param
+    else:
+        yield request.param
 
 
 def _result_arrays(evaluation):

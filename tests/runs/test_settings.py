@@ -9,8 +9,11 @@ import pytest
 from ncrs.evolution.optimizers import OPTIMIZERS, SepCMAESSettings
 from ncrs.runs.settings import (
     ConfigError,
+    EngineSettings,
     TrainConfig,
+    check_same_settings,
     config_from_dict,
+    lasting_settings,
     load_config,
     save_config,
 )
@@ -148,3 +151,20 @@ def test_a_file_that_is_no_json_is_named(content, tmp_path):
     (tmp_path / "config.json").write_bytes(content)
     with pytest.raises(ConfigError, match="is not valid JSON"):
         load_config(tmp_path)
+
+
+def test_an_engine_is_given_the_settings_of_its_own_that_are_not_the_default():
+    assert EngineSettings("dask", workers=3).own() == {}
+    given = EngineSettings("dask", scheduler="tcp://host:8786", audit=0.0, devices=None)
+    assert given.own() == {"scheduler": "tcp://host:8786", "audit": 0.0}
+
+
+def test_where_a_cluster_is_may_change_on_resuming_but_not_the_engine_of_its_workers():
+    here, there = (
+        lasting_settings(TrainConfig(engine=EngineSettings("dask", scheduler=name)))
+        for name in ("tcp://here:1", "tcp://there:1")
+    )
+    check_same_settings(here, there)
+    other = lasting_settings(TrainConfig(engine=EngineSettings("dask", on_workers="box2d")))
+    with pytest.raises(ConfigError, match=r"engine\.on_workers is 'auto', 'box2d' was given"):
+        check_same_settings(here, other)
