@@ -114,6 +114,13 @@ def _check_pip(arguments: list[str]) -> None:
         assert set(extras) <= setup["options.extras_require"].keys()
 
 
+def _check_dask(arguments: list[str]) -> None:
+    command, *rest = arguments
+    program = importlib.import_module(f"distributed.cli.dask_{command}").main
+    known = {option for parameter in program.params for option in parameter.opts}
+    assert {word for word in rest if word.startswith("--")} <= known
+
+
 def _check_ncrs(arguments: list[str], printed: Callable[[], str]) -> None:
     command, *rest = arguments
     sys.argv = ["ncrs", command, "--help"]
@@ -137,8 +144,15 @@ def test_command_lines_parse(line, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["train.py"])
     program, *arguments = shlex.split(line)
+    if program == "mpirun":
+        number, count, *rest = arguments
+        assert (number, count.isdigit()) == ("-n", True)
+        assert rest[:3] == ["python", "-m", "mpi4py.futures"]
+        program, arguments = "python", rest[3:]
     if program == "pip":
         _check_pip(arguments)
+    elif program == "dask":
+        _check_dask(arguments)
     elif program == "ncrs" and arguments[0] == "train":
         _check_train(arguments[1:], tmp_path)
     elif program == "ncrs":
@@ -239,4 +253,4 @@ def test_versions_and_steps_agree():
     assert job["strategy"]["matrix"]["python"] == pythons == ["3.10", "3.11", "3.12", "3.13"]
     called = [step["run"].split()[1] for step in job["steps"] if "run" in step]
     defined = re.findall(r"^step_(\w+)\(\)", (ROOT / ".ci" / "run").read_text(), flags=re.MULTILINE)
-    assert called == [step for step in defined if step != "chromium"]
+    assert called == [step for step in defined if step != "packages"]
