@@ -39,7 +39,8 @@ from benchmarks.workload import nearly_full_genomes
 from ncrs.engines.base import Engine, Evaluation, make_engine
 from ncrs.evolution.optimizers import OPTIMIZERS, CMAESSettings
 from ncrs.evolution.optimizers.settings import EmitterSettings
-from ncrs.runs.settings import EngineSettings, TrainConfig
+from ncrs.runs.engine_settings import EngineSettings
+from ncrs.runs.settings import TrainConfig
 from ncrs.training import trainer as training
 
 TASK = "light_chase"

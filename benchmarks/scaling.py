@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.workload import EPISODES, POPULATION, nearly_full_genomes, rollout_speed
-from ncrs.runs.settings import EngineSettings
+from ncrs.runs.engine_settings import EngineSettings
 from ncrs_envs.cores import available_cores
 from ncrs_envs.tasks import TaskSettings
 

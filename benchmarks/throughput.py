@@ -28,7 +28,7 @@ from benchmarks.workload import (
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.base import usable_engines
-from ncrs.runs.settings import EngineSettings
+from ncrs.runs.engine_settings import EngineSettings
 from ncrs_envs.cores import available_cores
 from ncrs_envs.tasks import TASKS, TaskSettings
 

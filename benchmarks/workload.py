@@ -13,7 +13,7 @@ from ncrs.automaton.channels import HIDDEN_UNITS, STEPS_PER_ACTION, nca_layout
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.base import make_engine
-from ncrs.runs.settings import EngineSettings
+from ncrs.runs.engine_settings import EngineSettings
 from ncrs_envs.scenario import sample_scenarios
 from ncrs_envs.tasks import TASKS, TaskSettings
 

@@ -15,7 +15,7 @@ import ncrs
 import ncrs_envs
 from ncrs.engines.base import EngineSettingError
 from ncrs.evolution.optimizers import OPTIMIZERS, OptimizerSettings, register_optimizer
-from ncrs.runs.settings import ConfigError
+from ncrs.runs.engine_settings import ConfigError
 from ncrs_envs import Cell, ExtensionError, Scenario, Task, TaskError
 from ncrs_envs.mirroring import ScenarioSampling
 from ncrs_envs.registry import Registry, load_extensions

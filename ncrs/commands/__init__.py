@@ -143,7 +143,7 @@ def progress_bar(description: str, unit: str) -> Iterator[Callable[[int, int], N
 def require(package: str) -> None:
     """Raise ``ConfigError`` if an optional package is not installed."""
     if importlib.util.find_spec(package) is None:
-        from ncrs.runs.settings import ConfigError
+        from ncrs.runs.engine_settings import ConfigError
 
         raise ConfigError(
             f"This command needs {package}, which is not installed: pip install 'ncrs[viz]'"

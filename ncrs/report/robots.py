@@ -14,8 +14,8 @@ from ncrs.evolution.archive import Archive
 from ncrs.runs.assessment import assess
 from ncrs.runs.champion import CHAMPION_FILE, Champion, find_champion
 from ncrs.runs.elites import ARCHIVE_FILE, Elite, EliteArchive, find_archive, make_archive
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.robot import EvolvedRobot
-from ncrs.runs.settings import ConfigError
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import TaskSettings
 

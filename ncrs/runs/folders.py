@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from ncrs.runs.champion import Champion, find_champion
 from ncrs.runs.elites import EliteArchive, find_archive
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.metrics import METRICS_FILE, read_metrics
 from ncrs.runs.settings import (
     SETTINGS_FILE,
-    ConfigError,
     TrainConfig,
     flat_settings,
     lasting_settings,

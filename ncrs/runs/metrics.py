@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.runs.checkpoint import write_atomically
-from ncrs.runs.settings import ConfigError
+from ncrs.runs.engine_settings import ConfigError
 
 METRICS_FILE = "metrics.csv"
 GENERATION = "generation"

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ncrs.runs.champion import Champion
 from ncrs.runs.elites import EliteArchive, load_archive
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.metrics import read_metrics
 from ncrs.runs.settings import (
-    ConfigError,
     TrainConfig,
     check_same_settings,
     config_from_dict,

@@ -14,7 +14,7 @@ from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 from omegaconf import open_dict
 
-from ncrs.runs.settings import ConfigError
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.training.files import check_new_run
 from ncrs.training.hydra import (
     BASIC_SWEEPER,

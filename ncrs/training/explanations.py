@@ -12,7 +12,8 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from ncrs.evolution.optimizers import OPTIMIZERS
-from ncrs.runs.settings import EngineSettings, TrainConfig
+from ncrs.runs.engine_settings import EngineSettings
+from ncrs.runs.settings import TrainConfig
 from ncrs_envs.tasks import TaskSettings
 
 _WIDTH = 100

@@ -20,9 +20,8 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 
 from ncrs.engines.base import AUTO_ENGINE, ENGINES
 from ncrs.evolution.optimizers import OPTIMIZERS
+from ncrs.runs.engine_settings import ConfigError, EngineSettings
 from ncrs.runs.settings import (
-    ConfigError,
-    EngineSettings,
     TrainConfig,
     check_same_settings,
     lasting_settings,

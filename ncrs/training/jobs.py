@@ -18,15 +18,10 @@ from omegaconf import DictConfig
 from ncrs.runs.assessment import Assessment, assess, find_assessment, save_assessment
 from ncrs.runs.champion import Champion, find_champion
 from ncrs.runs.checkpoint import CHECKPOINT_FOLDER, generations_done
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.failure import clear_failure, save_failure, save_refusal
 from ncrs.runs.lock import RunIsLockedError
-from ncrs.runs.settings import (
-    ConfigError,
-    TrainConfig,
-    check_same_settings,
-    lasting_settings,
-    load_config,
-)
+from ncrs.runs.settings import TrainConfig, check_same_settings, lasting_settings, load_config
 from ncrs.runs.wording import program_name
 from ncrs.training.files import holds_run
 from ncrs.training.hydra import BASIC_SWEEPER, train_config

@@ -15,9 +15,9 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.failure import clear_refusals, refusals
 from ncrs.runs.resources import resource_folder
-from ncrs.runs.settings import ConfigError
 from ncrs.runs.wording import override, program_name, train_command
 from ncrs.training.arguments import Sweep, check_arguments
 from ncrs.training.hydra import CONFIG_NAME, HYDRA_VERSION, config_error, register

@@ -19,8 +19,9 @@ from ncrs.evolution.reestimation import reestimate
 from ncrs.evolution.space import WEIGHTS
 from ncrs.evolution.standstill import standing_still_fitness
 from ncrs.runs.elites import EliteArchive, make_archive
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.seeds import Stream, seed_row, seed_sequence
-from ncrs.runs.settings import ConfigError, TrainConfig
+from ncrs.runs.settings import TrainConfig
 from ncrs.training.generation import Generation
 from ncrs.training.start import search_space
 from ncrs_envs.drawing import draw_scenarios
@@ -163,9 +164,7 @@ class Search:
     ) -> tuple[Sequence[Scenario], NDArray[np.int64]]:
         config = self._config
         sequence = seed_sequence(config.seed, stream, *keys)
-        scenarios = draw_scenarios(
-            self._sampling, config.task, sequence, config.episodes, eased_at
-        )
+        scenarios = draw_scenarios(self._sampling, config.task, sequence, config.episodes, eased_at)
         return scenarios, seed_row(sequence)
 
     def _searched(self, points: Genomes) -> Genomes:

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from ncrs.automaton.channels import NCALayout, nca_layout
 from ncrs.automaton.transfer import transferred
 from ncrs.evolution.space import SPACES, WEIGHTS, SearchSpace, SpaceError
-from ncrs.runs.settings import ConfigError, TrainConfig
+from ncrs.runs.engine_settings import ConfigError
+from ncrs.runs.settings import TrainConfig
 from ncrs.runs.sources import SourceError, is_genome_file, load_robot
 from ncrs_envs.tasks import TaskSettings
 

@@ -11,8 +11,9 @@ from ncrs.automaton.torch_settings import plain_torch
 from ncrs.engines.base import Engine, EngineError, EvaluationInterrupted, make_engine
 from ncrs.evolution.archive import ArchiveError
 from ncrs.evolution.optimizers import OptimizerError
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.lock import RunError, locked
-from ncrs.runs.settings import ConfigError, TrainConfig, save_config
+from ncrs.runs.settings import TrainConfig, save_config
 from ncrs.training.files import RunFiles, check_new_run
 from ncrs.training.generation import Generation
 from ncrs.training.logs import RunLog

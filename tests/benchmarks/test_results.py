@@ -8,8 +8,9 @@ import yaml
 
 import ncrs
 from benchmarks.results import command_of, training_of
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.metrics import MetricsFile
-from ncrs.runs.settings import ConfigError, TrainConfig
+from ncrs.runs.settings import TrainConfig
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import pytest
 
 from ncrs.engines import base
 from ncrs.engines.base import EngineSettingError, has_gpu, make_engine, resolve_engine
-from ncrs.runs.settings import ConfigError, EngineSettings
+from ncrs.runs.engine_settings import ConfigError, EngineSettings
 from ncrs.training.api import train
 from ncrs_envs.tasks import TaskSettings
 

@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
+from ncrs_envs.curriculum import register_curriculum
 from ncrs_envs.drawing import draw_scenarios
 from ncrs_envs.mirroring import ScenarioSampling
 from ncrs_envs.scenario import ScenarioError
@@ -21,6 +22,17 @@ def test_a_recipe_draws_the_same_scenarios_again():
     recipe = pickle.loads(pickle.dumps(drawn.recipe))
     assert recipe == drawn.recipe
     assert recipe.draw() == list(drawn) == sampling.draw("light_chase", SEED, 4, 9)
+
+
+def test_a_recipe_of_a_curriculum_draws_what_its_generation_had():
+    sampling = ScenarioSampling(curriculum="nearer", curriculum_generations=10)
+    drawn = [draw_scenarios(sampling, TaskSettings(), SEED, 2, index) for index in (0, 5, None)]
+    assert len({str(list(row)) for row in drawn}) == 3
+    for row in drawn:
+        assert row.recipe.draw() == list(row)
+    register_curriculum("own", lambda scenario, ease, task, grid_size: scenario)
+    own = ScenarioSampling(curriculum="own", curriculum_generations=10)
+    assert draw_scenarios(own, TaskSettings(), SEED, 2, 0).recipe is None
 
 
 def test_other_seeds_draw_others():

@@ -15,7 +15,7 @@ from ncrs.evolution.space import (
     check_space,
     register_search_space,
 )
-from ncrs.runs.settings import ConfigError
+from ncrs.runs.engine_settings import ConfigError
 from ncrs_envs.body import parse_body
 from ncrs_envs.registry import ExtensionError
 

@@ -19,7 +19,7 @@ from ncrs.report.build import CHUNK
 from ncrs.runs.champion import load_champion_file
 from ncrs.runs.checkpoint import CheckpointError
 from ncrs.runs.elites import ARCHIVE_FILE, load_archive
-from ncrs.runs.settings import ConfigError
+from ncrs.runs.engine_settings import ConfigError
 from ncrs_envs.body import body_to_characters, sensor_mask, wheel_mask
 from ncrs_envs.scenario import sample_scenarios
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ncrs.report.curves import Curve, load_curves
-from ncrs.runs.settings import ConfigError
+from ncrs.runs.engine_settings import ConfigError
 
 
 def test_each_metric_is_a_curve_of_the_generations_that_have_it(tmp_path):

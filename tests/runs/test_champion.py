@@ -14,8 +14,8 @@ from ncrs.engines.evaluate import evaluate
 from ncrs.runs.assessment import Proportion, assess
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointError, write_state
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.published import load_champion
-from ncrs.runs.settings import ConfigError
 from ncrs.viz.pictures import episode_frames
 from ncrs_envs.rendering import RenderError
 from ncrs_envs.scenario import ScenarioError

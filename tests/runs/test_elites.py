@@ -13,9 +13,9 @@ from ncrs.evolution.reestimation import reestimate
 from ncrs.evolution.standstill import standing_still_fitness
 from ncrs.runs.checkpoint import CheckpointError, write_state
 from ncrs.runs.elites import EliteArchive, EliteError, load_archive, make_archive, measure_space
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.exports import write_csv
 from ncrs.runs.seeds import Stream, seed_row, seed_sequence
-from ncrs.runs.settings import ConfigError
 from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import TASKS, TaskSettings
 

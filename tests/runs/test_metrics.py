@@ -5,8 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.metrics import METRICS_FILE, MetricsFile, MetricsWarning, read_metrics
-from ncrs.runs.settings import ConfigError
 
 
 def test_rows_come_back_and_late_columns_are_nan_before(tmp_path):

@@ -17,10 +17,11 @@ from ncrs.runs.assessment import (
     save_assessment,
 )
 from ncrs.runs.checkpoint import CheckpointError, CheckpointFolder
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.failure import save_failure
 from ncrs.runs.folders import find_runs, group_runs
 from ncrs.runs.results import collect_results
-from ncrs.runs.settings import ConfigError, TrainConfig, save_config
+from ncrs.runs.settings import TrainConfig, save_config
 from ncrs.runs.statistics import bootstrap_interval, interquartile_mean
 
 

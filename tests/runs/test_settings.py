@@ -7,9 +7,8 @@ from dataclasses import asdict
 import pytest
 
 from ncrs.evolution.optimizers import OPTIMIZERS, SepCMAESSettings
+from ncrs.runs.engine_settings import ConfigError, EngineSettings
 from ncrs.runs.settings import (
-    ConfigError,
-    EngineSettings,
     TrainConfig,
     check_same_settings,
     config_from_dict,

@@ -14,8 +14,8 @@ from ncrs.automaton.channels import GenomeError
 from ncrs.runs.champion import Champion
 from ncrs.runs.checkpoint import CheckpointError
 from ncrs.runs.elites import EliteArchive, make_archive
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.robot import EvolvedRobot
-from ncrs.runs.settings import ConfigError
 from ncrs.runs.sources import SourceError, load_robot
 from ncrs_envs.body import BodyError, body_measures
 from ncrs_envs.tasks import TaskError, TaskSettings

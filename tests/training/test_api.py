@@ -8,8 +8,9 @@ import pytest
 
 import ncrs
 from ncrs.runs.checkpoint import CheckpointFolder
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.lock import RunError
-from ncrs.runs.settings import ConfigError, TrainConfig, load_config
+from ncrs.runs.settings import TrainConfig, load_config
 from ncrs_envs.tasks import TaskSettings
 
 TINY = {

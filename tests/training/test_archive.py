@@ -17,8 +17,9 @@ from ncrs.evolution.optimizers import OPTIMIZERS, SepCMAESSettings
 from ncrs.runs.champion import load_champion_file
 from ncrs.runs.checkpoint import CheckpointFolder
 from ncrs.runs.elites import load_archive
+from ncrs.runs.engine_settings import ConfigError, EngineSettings
 from ncrs.runs.lock import RunError
-from ncrs.runs.settings import ConfigError, EngineSettings, TrainConfig, save_config
+from ncrs.runs.settings import TrainConfig, save_config
 from ncrs.training import search
 from ncrs.training.generation import Generation
 from ncrs.training.trainer import Trainer, train

@@ -14,7 +14,8 @@ from hydra.core.config_store import ConfigStore
 import ncrs
 from ncrs.engines.base import ENGINES
 from ncrs.evolution.optimizers import OPTIMIZERS
-from ncrs.runs.settings import ConfigError, TrainConfig, config_from_dict, save_config
+from ncrs.runs.engine_settings import ConfigError
+from ncrs.runs.settings import TrainConfig, config_from_dict, save_config
 from ncrs.training.arguments import check_arguments
 from ncrs.training.explanations import explanations
 from ncrs.training.hydra import register, train_config

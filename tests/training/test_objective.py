@@ -10,7 +10,8 @@ from ncrs.evolution.optimizers.base import Optimizer
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointFolder
 from ncrs.runs.elites import load_archive
-from ncrs.runs.settings import ConfigError, EngineSettings, TrainConfig
+from ncrs.runs.engine_settings import ConfigError, EngineSettings
+from ncrs.runs.settings import TrainConfig
 from ncrs.training.trainer import Trainer, train
 from ncrs_envs.tasks import LIGHT_CHASE, TaskSettings, default_body
 

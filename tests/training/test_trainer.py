@@ -17,9 +17,10 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from ncrs.evolution.optimizers import SepCMAESSettings
 from ncrs.runs.champion import load_champion_file
 from ncrs.runs.checkpoint import CheckpointError, CheckpointFolder
+from ncrs.runs.engine_settings import ConfigError, EngineSettings
 from ncrs.runs.lock import RunError
 from ncrs.runs.metrics import MetricsFile
-from ncrs.runs.settings import ConfigError, EngineSettings, TrainConfig
+from ncrs.runs.settings import TrainConfig
 from ncrs.training import versions
 from ncrs.training.trainer import train
 from ncrs_envs.tasks import TaskSettings

@@ -5,7 +5,8 @@ import dataclasses
 import pytest
 
 from ncrs.evolution.optimizers import MAPElitesSettings, SepCMAESSettings
-from ncrs.runs.settings import EngineSettings, TrainConfig
+from ncrs.runs.engine_settings import EngineSettings
+from ncrs.runs.settings import TrainConfig
 from ncrs.training.trainer import Trainer, train
 from ncrs.training.watch import Watch
 
