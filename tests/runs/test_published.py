@@ -24,7 +24,11 @@ ROOT = Path(__file__).parents[2]
 RECIPES = ("best", "cma_es", "cma_me")
 CURRICULUM = "light_chase/curriculum"
 """Champion from which the best search in CarryBall started."""
-NAMES = sorted([*(f"{task}/{recipe}" for task in TASKS for recipe in RECIPES), CURRICULUM])
+COMPILED = "carry_ball/compiled"
+"""Robot by hand whose gains were searched."""
+NAMES = sorted(
+    [*(f"{task}/{recipe}" for task in TASKS for recipe in RECIPES), CURRICULUM, COMPILED]
+)
 
 
 def test_all_are_listed():
@@ -80,14 +84,20 @@ def test_a_damaged_card_is_recognised(tmp_path, monkeypatch):
         ncrs.load_champion("light_chase/best")
 
 
-@pytest.mark.parametrize("task", sorted(TASKS))
-def test_the_experiment_is_the_champions(task):
-    """experiment=best/TASK has the settings that the card of TASK/best records."""
+EXPERIMENTS = {f"{task}/best": f"best/{task}" for task in sorted(TASKS)} | {
+    COMPILED: "best/carry_ball_compiled"
+}
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_the_experiment_is_the_champions(name):
+    """The experiment has the settings that the card records, but for the number of workers."""
     register()
-    overrides = [f"experiment=best/{task}"]
+    overrides = [f"experiment={EXPERIMENTS[name]}"]
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
         composed = asdict(train_config(compose("config", overrides), overrides))
-    recorded = asdict(config_from_dict(ncrs.load_champion(f"{task}/best").card["config"]))
+    recorded = asdict(config_from_dict(ncrs.load_champion(name).card["config"]))
+    composed["engine"]["workers"] = recorded["engine"]["workers"]
     assert composed == recorded
 
 
