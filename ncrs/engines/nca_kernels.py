@@ -146,7 +146,7 @@ def network_of(networks: Network, genome: int) -> Network:
 
 
 @kernel
-def link_cells(exists: NDArray[Any], channels: int, first_channel: int) -> Graph:
+def link_cells(exists: NDArray[np.int8], channels: int, first_channel: int) -> Graph:
     """Link every existing cell to its neighbours; indices run over existing cells, row by row.
 
     Args:
@@ -181,7 +181,7 @@ def link_cells(exists: NDArray[Any], channels: int, first_channel: int) -> Graph
     return Graph(start, source, weights)
 
 
-class _FirstLayer(NamedTuple):
+class FirstLayer(NamedTuple):
     """Initial sums of the first layer, from ``start`` on, and number of channels that links add."""
 
     constants: FloatArray
@@ -189,7 +189,7 @@ class _FirstLayer(NamedTuple):
     channels: int
 
 
-class _Buffers(NamedTuple):
+class Buffers(NamedTuple):
     """Current states, updated ones, and a buffer for two layers of hidden units."""
 
     states: FloatArray
@@ -197,12 +197,12 @@ class _Buffers(NamedTuple):
     units: FloatArray
 
 
-def _make_cell_update(rows: int, lanes: int) -> Callable[..., None]:
+def make_cell_update(rows: int, lanes: int) -> Callable[..., None]:
     """Make the kernel that updates a cell in ``rows`` episodes, with tiles of constant size."""
 
     @kernel
     def update_cell(
-        network: Network, graph: Graph, layer: _FirstLayer, buffers: _Buffers, place: _Place
+        network: Network, graph: Graph, layer: FirstLayer, buffers: Buffers, place: _Place
     ) -> None:
         """Write ``clip(x + dx)`` of a cell in ``rows`` episodes, from that of ``place`` on."""
         states, updated, units = buffers
@@ -235,8 +235,8 @@ def _make_cell_update(rows: int, lanes: int) -> Callable[..., None]:
     return update_cell
 
 
-_update_growing_cell = _make_cell_update(1, GROWTH_LANES)
-_update_control_cells = _make_cell_update(EPISODE_TILE, CONTROL_LANES)
+_update_growing_cell = make_cell_update(1, GROWTH_LANES)
+_update_control_cells = make_cell_update(EPISODE_TILE, CONTROL_LANES)
 
 
 @kernel
@@ -255,8 +255,8 @@ def growth_step(
         states: Current states, ``(cells, 1, GROWTH_LANES)``.
         updated: Output, same shape.
     """
-    buffers = _Buffers(states, updated, np.empty(2 * UNIT_LANES, dtype=np.float32))
-    layer = _FirstLayer(network.first_bias, 0, channels)
+    buffers = Buffers(states, updated, np.empty(2 * UNIT_LANES, dtype=np.float32))
+    layer = FirstLayer(network.first_bias, 0, channels)
     finite = True
     for cell in range(graph.start.shape[0] - 1):
         alive = False
@@ -306,13 +306,21 @@ def grow_body(
         if not growth_step(network, graph, channels, states, updated):
             return False
         states, updated = updated, states
+    read_grown(states, part_codes, body)
+    return True
+
+
+@kernel
+def read_grown(states: FloatArray, part_codes: NDArray[np.int8], body: NDArray[np.int8]) -> None:
+    """Read a body out of states of growth, ``(n * n, 1, GROWTH_LANES)``; the rest as above."""
+    n = body.shape[0]
     for row in range(n):
         for column in range(n):
             cell = states[row * n + column, 0]
+            body[row, column] = _EMPTY
             if cell[BODY_CHANNEL] > ALIVE_THRESHOLD:
                 values = cell[FIRST_PART_CHANNEL:][: part_codes.shape[0]]
                 body[row, column] = part_codes[np.argmax(values)]
-    return True
 
 
 @kernel
@@ -374,8 +382,8 @@ def control_step(
         updated: Output, same shape.
     """
     units = np.empty(2 * EPISODE_TILE * UNIT_LANES, dtype=np.float32)
-    buffers = _Buffers(states, updated, units)
+    buffers = Buffers(states, updated, units)
     for cell in range(graph.start.shape[0] - 1):
-        layer = _FirstLayer(constants, cell * UNIT_LANES, CHANGING_CHANNELS)
+        layer = FirstLayer(constants, cell * UNIT_LANES, CHANGING_CHANNELS)
         for episode in range(0, states.shape[1], EPISODE_TILE):
             _update_control_cells(network, graph, layer, buffers, (cell, episode))

@@ -194,11 +194,11 @@ def _roll_out_genome(
     wheels = robots.wheels[0, : robots.robots[0].wheel_count]
     for step in range(1, rollout.steps + 1):
         for _ in range(STEPS_PER_ACTION):
-            _write_sensors(sensors, indices, observations, current)
+            write_sensors(sensors, indices, observations, current)
             control_step(network, constants, graph, current, updated)
             current, updated = updated, current
         for episode in range(episodes):
-            if not _read_wheels(wheels, indices, current, episode, actions[episode]):
+            if not read_wheels(wheels, indices, current, episode, actions[episode]):
                 fitness[episode] = np.nan
             if np.isfinite(fitness[episode]):
                 world = world_at(worlds, 0, episode)
@@ -238,7 +238,7 @@ def cell_indices(body: NDArray[np.int8]) -> IntArray:
 
 
 @kernel
-def _write_sensors(
+def write_sensors(
     sensors: NDArray[Sensor], indices: IntArray, observations: FloatArray, states: FloatArray
 ) -> None:
     """Overwrite the input/output channel of sensor cells with the sensor values."""
@@ -249,7 +249,7 @@ def _write_sensors(
 
 
 @kernel
-def _read_wheels(
+def read_wheels(
     wheels: NDArray[Wheel], indices: IntArray, states: FloatArray, episode: int, action: FloatArray
 ) -> bool:
     """Read the wheels' gas into ``action`` and return True if all of it is finite."""

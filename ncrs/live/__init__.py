@@ -1,0 +1,1 @@
+"""Robots that live in a browser: the kernels in JavaScript, and the page that runs them."""
