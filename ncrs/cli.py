@@ -23,6 +23,7 @@ _COMMANDS: Mapping[str, str] = {
     "figures": "draw figures for print (PNG, SVG and CSV), of one run or comparing several",
     "film": "film a robot's growth and episodes (MP4 and GIF)",
     "play": "drive a body with the keyboard and edit it with the mouse, in a window",
+    "live": "write a page in which robots grow and drive live, in any browser",
     "report": "write a page that shows a run, its archive and its robots in a browser",
 }
 

@@ -14,7 +14,7 @@ nor on the index of an episode or a genome. Source: paper section 3.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray

@@ -38,12 +38,13 @@ from ncrs.live.types import (
 )
 from ncrs_envs.batched.dtypes import Record
 
-_RESERVED = frozenset(
-    "arguments await break case catch class const continue debugger default delete do else enum "
-    "eval export extends finally for function if implements import in instanceof interface let new "
-    "null package private protected public return static super switch this throw try typeof var "
-    "void while with yield".split()
-)
+_RESERVED = frozenset((
+    "arguments", "await", "break", "case", "catch", "class", "const", "continue", "debugger",
+    "default", "delete", "do", "else", "enum", "eval", "export", "extends", "finally", "for",
+    "function", "if", "implements", "import", "in", "instanceof", "interface", "let", "new",
+    "null", "package", "private", "protected", "public", "return", "static", "super", "switch",
+    "this", "throw", "try", "typeof", "var", "void", "while", "with", "yield",
+))  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -169,7 +170,7 @@ class Program:
         if kind not in self._records:
             name = f"make{kind.__name__}"
             self._records[kind] = name
-            fields = record_fields(kind)
+            fields = record_fields(kind)  # type: ignore[arg-type] # it is hashable
             for made in fields.values():
                 if isinstance(made, Array) and isinstance(made.item, Struct):
                     self.record(made.item.kind)

@@ -39,7 +39,8 @@ class Struct:
 
     def field(self, name: str) -> Type | None:
         """Return the type of a field, None if there is no such field."""
-        return record_fields(self.kind).get(name)
+        fields: dict[str, Type] = record_fields(self.kind)  # type: ignore[arg-type]
+        return fields.get(name)  # the class is hashable, which mypy doubts
 
 
 @dataclass(frozen=True)

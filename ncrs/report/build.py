@@ -17,7 +17,8 @@ from ncrs.automaton.nca import NCAPopulation
 from ncrs.report.curves import Curve, load_curves
 from ncrs.report.encoding import pack, quantize, write_data
 from ncrs.report.folder import check_folder, new_report
-from ncrs.report.overview import charts, facts, robot_table, setting_lines, title, world
+from ncrs.live.world import world
+from ncrs.report.overview import charts, facts, robot_table, setting_lines, title
 from ncrs.report.robots import ReportError, Robots, load_robots, lone_robot
 from ncrs.runs.published import PublishedChampion
 from ncrs.runs.robot import EvolvedRobot
@@ -38,13 +39,12 @@ CHUNK = 20
 """Number of robots in a data file: few enough to load at a click, enough to keep files few."""
 _BATCH = 12 * CHUNK
 """Number of robots recorded at once."""
-_PAGE_PARTS = ("report.css",)
+_STYLE = "report.css"
 _SCRIPTS = (
     "data.js",
-    "colors.js",
     "charts.js",
-    "drawing.js",
     "player.js",
+    "live.js",
     "growth.js",
     "robot.js",
     "archive.js",
@@ -193,7 +193,7 @@ def _write_report(
             "has_archive": robots.elites > 0,
             "is_run": subject.is_run,
             "has_charts": bool(overview["charts"]),
-            "scripts": _SCRIPTS,
+            "scripts": (*SHARED, *_SCRIPTS),
         }
         _write_page(made, page)
         _write_robots(made / DATA_FOLDER, robots, first, scenarios, progress)
@@ -219,8 +219,10 @@ def _write_page(folder: Path, values: dict[str, Any]) -> None:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     template = environment.from_string((source / f"{PAGE_FILE}.j2").read_text(encoding="utf-8"))
     (folder / PAGE_FILE).write_text(template.render(values), encoding="utf-8")
-    for name in (*_PAGE_PARTS, *_SCRIPTS):
+    for name in (_STYLE, *_SCRIPTS):
         (folder / name).write_text((source / name).read_text(encoding="utf-8"), encoding="utf-8")
+    for name in (BASE_STYLE, *SHARED):
+        (folder / name).write_text(page_part(name), encoding="utf-8")
 
 
 def _write_robots(

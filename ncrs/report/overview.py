@@ -7,16 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ncrs.automaton.channels import nca_layout
 from ncrs.report.curves import Curve
 from ncrs.report.robots import Robots
 from ncrs.runs.settings import TrainConfig
 from ncrs.runs.wording import duration
-from ncrs_envs import canvas
-from ncrs_envs.body import CELL_CHARACTERS, CELL_SIZE, SENSOR_CELLS, Cell, body_to_characters
-from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, TARGET_SIDE
-from ncrs_envs.scenario import WALL_EXTENT, Scenario, wall_quads
-from ncrs_envs.tasks import MAX_EPISODE_STEPS, Task, TaskSettings, playfield
+from ncrs_envs.body import body_to_characters
+from ncrs_envs.tasks import Task
 
 CHARTS: Sequence[tuple[str, Mapping[str, str]]] = (
     (
@@ -41,25 +37,6 @@ CHARTS: Sequence[tuple[str, Mapping[str, str]]] = (
     ),
 )
 """Title of each chart, and the names of its curves by tag."""
-
-_COLORS: Mapping[str, canvas.Color] = {
-    "amber": canvas.AMBER,
-    "sky": canvas.SKY,
-    "green": canvas.GREEN,
-    "vermilion": canvas.VERMILION,
-    "white": canvas.WHITE,
-    "ground": canvas.GROUND,
-    "grid": canvas.GRID,
-    "border": canvas.BORDER,
-    "wall": canvas.WALL,
-    "wall_edge": canvas.WALL_EDGE,
-    "tissue": canvas.TISSUE,
-    "cell_edge": canvas.CELL_EDGE,
-    "sensor_base": canvas.SENSOR_BASE,
-    "wheel_base": canvas.WHEEL_BASE,
-}
-_PLACEMENT_DECIMALS = 2
-"""Number of decimals that are kept of placements, in units."""
 
 
 def _last(curves: Mapping[str, Curve], tag: str) -> float | None:
@@ -129,51 +106,6 @@ def charts(curves: Mapping[str, Curve]) -> list[dict[str, Any]]:
         if lines:
             drawn.append({"title": title, "lines": lines})
     return drawn
-
-
-def world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[str, Any]:
-    """Collect the constants and placements that the page needs to draw episodes."""
-    task = settings.task
-    return {
-        "task": task.name,
-        "title": task.title,
-        "gridSize": settings.grid_size,
-        "extent": playfield(settings.grid_size),
-        "wallExtent": WALL_EXTENT,
-        "successRadius": settings.radius,
-        "distanceScore": settings.distance_score,
-        "hasBall": task.has_ball,
-        "lightRadius": LIGHT_RADIUS,
-        "ballRadius": BALL_RADIUS,
-        "targetSide": TARGET_SIDE,
-        "cellSize": CELL_SIZE,
-        "dt": DT,
-        "steps": MAX_EPISODE_STEPS,
-        "channels": nca_layout(task).channel_names,
-        "cells": {
-            character: {
-                "code": int(cell),
-                "name": task.cell_label(cell),
-                "senses": cell in SENSOR_CELLS,
-                "drives": cell is Cell.WHEEL,
-            }
-            for character, cell in CELL_CHARACTERS.items()
-        },
-        "palette": {name: f"rgb{color}" for name, color in _COLORS.items()},
-        "scales": {"amount": canvas.AMOUNTS, "signed": canvas.SIGNED},
-        "signedLimit": canvas.SIGNED_LIMIT,
-        "scenarios": [_placements(scenario, settings.grid_size) for scenario in scenarios],
-    }
-
-
-def _placements(scenario: Scenario, grid_size: int) -> dict[str, Any]:
-    quads = np.round(wall_quads(scenario, grid_size), _PLACEMENT_DECIMALS).tolist()
-    return {
-        "light": scenario.light,
-        "target": scenario.target,
-        "start": scenario.start,
-        "walls": quads,
-    }
 
 
 def robot_table(robots: Robots) -> dict[str, Any]:

@@ -22,6 +22,7 @@
 
   NCRSReport.start = (overview) => {
     NCRSReport.overview = overview;
+    NCRSDrawing.world = overview.world;
     NCRSReport.showCharts();
     NCRSReport.prepareRobots();
     NCRSReport.prepareArchive();

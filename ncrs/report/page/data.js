@@ -3,6 +3,7 @@
 "use strict";
 
 const NCRSReport = (() => {
+  const { bytes, element } = NCRSPage;
   const MAX_KEPT = 8; // data files of each kind kept in memory
   const kept = { robots: new Map(), genomes: new Map() };
   const waiting = new Map();
@@ -41,10 +42,6 @@ const NCRSReport = (() => {
     files.set(index, promise);
     if (files.size > MAX_KEPT) files.delete(files.keys().next().value);
     return promise;
-  }
-
-  function bytes(text) {
-    return Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
   }
 
   // Little-endian integers in base64, scaled to numbers from -limit (or 0) to limit.
@@ -106,21 +103,6 @@ const NCRSReport = (() => {
     return robot === NCRSReport.overview.robots.champion;
   }
 
-  // An element with attributes and children; text is never read as HTML.
-  function element(tag, attributes = {}, ...children) {
-    const svg = ["svg", "path", "line", "text", "g", "circle"].includes(tag);
-    const made = svg
-      ? document.createElementNS("http://www.w3.org/2000/svg", tag)
-      : document.createElement(tag);
-    for (const [name, value] of Object.entries(attributes)) {
-      if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
-      else if (value === true) made.setAttribute(name, "");
-      else if (value !== false && value !== null && value !== undefined) made.setAttribute(name, value);
-    }
-    made.append(...children.filter((child) => child !== null));
-    return made;
-  }
-
   function say(text) {
     document.getElementById("status").textContent = text;
   }
@@ -131,5 +113,5 @@ const NCRSReport = (() => {
     place.hidden = false;
   }
 
-  return { receive, record, genome, robotName, isChampion, element, say, complain };
+  return { ...NCRSDrawing, receive, record, genome, robotName, isChampion, element, say, complain };
 })();

@@ -1,8 +1,11 @@
 // Colours of numbers, on the scales that come with the data: one for amounts, one for signed values.
 "use strict";
 
+// What pages draw with; world is the task on show, as ncrs/live/world.py describes it.
+const NCRSDrawing = { world: null };
+
 (() => {
-  const scale = (name) => NCRSReport.overview.world.scales[name];
+  const scale = (name) => NCRSDrawing.world.scales[name];
 
   function between(stops, fraction) {
     const at = Math.min(Math.max(fraction, 0), 1) * (stops.length - 1);
@@ -12,12 +15,12 @@
   }
 
   // Colour of a value from low to high.
-  NCRSReport.amountColor = (value, low, high) =>
+  NCRSDrawing.amountColor = (value, low, high) =>
     between(scale("amount"), high > low ? (value - low) / (high - low) : 0);
   // Colour of a signed value; beyond the limit it no longer changes.
-  NCRSReport.signedColor = (value) =>
-    between(scale("signed"), 0.5 + (0.5 * value) / NCRSReport.overview.world.signedLimit);
+  NCRSDrawing.signedColor = (value) =>
+    between(scale("signed"), 0.5 + (0.5 * value) / NCRSDrawing.world.signedLimit);
   // Background that shows a whole scale, "amount" or "signed", from left to right.
-  NCRSReport.ramp = (name) =>
+  NCRSDrawing.ramp = (name) =>
     `linear-gradient(to right, ${scale(name).map((rgb) => `rgb(${rgb.join(", ")})`).join(", ")})`;
 })();

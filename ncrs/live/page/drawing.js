@@ -24,7 +24,7 @@
 
   // The colour of a sensor: nearly dark at value 0, nearly white at 1.
   function lit(hue, value) {
-    const { ground, white } = NCRSReport.overview.world.palette;
+    const { ground, white } = NCRSDrawing.world.palette;
     return mix(mix(ground, hue, 0.2), mix(hue, white, 0.7), Math.min(Math.max(value, 0), 1));
   }
 
@@ -50,7 +50,7 @@
   // One cell, centred on the origin, of side 2; value is a sensor's, gas a wheel's. The shapes and
   // colours are those of ncrs_envs.rendering.
   function drawCell(context, character, value, gas) {
-    const { palette, cells } = NCRSReport.overview.world;
+    const { palette, cells } = NCRSDrawing.world;
     const cell = cells[character];
     const fill = (color, x, y, width, height) => {
       context.fillStyle = color;
@@ -73,7 +73,7 @@
 
   // A body in the current frame, whose y axis points down and whose unit is the world's.
   function drawRobot(context, body, values, gas) {
-    const { gridSize: n, cellSize, palette } = NCRSReport.overview.world;
+    const { gridSize: n, cellSize, palette } = NCRSDrawing.world;
     const place = (i) => [((i % n) - (n - 1) / 2) * cellSize, (Math.floor(i / n) - (n - 1) / 2) * cellSize];
     context.fillStyle = palette.white;
     for (let i = 0; i < n * n; i++) {
@@ -93,7 +93,7 @@
 
   // A body alone, front up; if numbers is true, with sensor values and gas written into its cells.
   function drawBody(canvas, body, values, gas, numbers = false) {
-    const { gridSize: n, cellSize, palette, cells } = NCRSReport.overview.world;
+    const { gridSize: n, cellSize, palette, cells } = NCRSDrawing.world;
     const side = canvas.clientWidth || 120;
     const context = surface(canvas, side);
     context.fillStyle = palette.ground;
@@ -139,7 +139,7 @@
   }
 
   function drawField(context, reach) {
-    const { extent, palette } = NCRSReport.overview.world;
+    const { extent, palette } = NCRSDrawing.world;
     context.fillStyle = palette.ground;
     context.fillRect(-reach, -reach, 2 * reach, 2 * reach);
     context.strokeStyle = palette.grid;
@@ -159,7 +159,7 @@
   }
 
   function drawWalls(context, quads) {
-    const { palette } = NCRSReport.overview.world;
+    const { palette } = NCRSDrawing.world;
     context.fillStyle = palette.wall;
     context.strokeStyle = palette.wall; // closes the seams between neighbouring pieces
     context.lineWidth = 0.2;
@@ -181,7 +181,7 @@
   }
 
   function drawGoals(context, scenario, ball) {
-    const world = NCRSReport.overview.world, { palette } = world;
+    const world = NCRSDrawing.world, { palette } = world;
     if (scenario.light) {
       ring(context, scenario.light, world.successRadius, palette.amber);
       context.fillStyle = palette.amber;
@@ -211,7 +211,7 @@
 
   // An episode at one moment: see player.js for the frame.
   function drawEpisode(canvas, body, scenario, frame) {
-    const world = NCRSReport.overview.world;
+    const world = NCRSDrawing.world;
     const side = canvas.clientWidth || 320;
     const context = surface(canvas, side);
     const reach = world.wallExtent * world.extent * 1.01;
@@ -233,12 +233,12 @@
 
   // One channel as n x n squares.
   function drawChannel(canvas, values) {
-    const n = NCRSReport.overview.world.gridSize;
+    const n = NCRSDrawing.world.gridSize;
     canvas.width = n;
     canvas.height = n;
     const context = canvas.getContext("2d");
     values.forEach((value, i) => {
-      context.fillStyle = NCRSReport.signedColor(value);
+      context.fillStyle = NCRSDrawing.signedColor(value);
       context.fillRect(i % n, Math.floor(i / n), 1, 1);
     });
   }
@@ -251,5 +251,5 @@
     drawCell(context, character, 1, 0);
   }
 
-  Object.assign(NCRSReport, { drawBody, drawEpisode, drawChannel, drawSwatch });
+  Object.assign(NCRSDrawing, { surface, mix, drawBody, drawRobot, drawField, drawWalls, drawGoals, drawEpisode, drawChannel, drawSwatch });
 })();
