@@ -51,3 +51,14 @@ def full_genome() -> Any:
     """A LightChase genome that grows a valid body of 25 cells (found by random search)."""
     with np.load(DATA / "full_body_genome.npz", allow_pickle=False) as file:
         return file["genome"]
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory):
+    from tests.browser import CHROMIUM, DRIVER, start_chromium
+
+    if CHROMIUM is None or DRIVER is None:
+        pytest.skip("Chromium or its driver is not installed (Debian: chromium chromium-driver)")
+    driver = start_chromium(tmp_path_factory.mktemp("chromium"))
+    yield driver
+    driver.quit()

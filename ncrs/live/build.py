@@ -43,6 +43,8 @@ _SCRIPTS = (
     "panels.js",
     "files.js",
     "link.js",
+    "controls.js",
+    "choice.js",
     "app.js",
 )
 _MARK = re.compile(r"@(\w+)@")

@@ -14,10 +14,13 @@ import numpy as np
 from ncrs.automaton.channels import STATE_LIMIT
 from ncrs.automaton.growth import record_growth
 from ncrs.automaton.nca import NCAPopulation
+from ncrs.live.build import BASE_STYLE, SHARED, page_part, page_text
+from ncrs.live.build import PAGE_FILE as LIVE_PAGE
+from ncrs.live.robots import LiveRobot, live_robot
+from ncrs.live.world import world
 from ncrs.report.curves import Curve, load_curves
 from ncrs.report.encoding import pack, quantize, write_data
 from ncrs.report.folder import check_folder, new_report
-from ncrs.live.world import world
 from ncrs.report.overview import charts, facts, robot_table, setting_lines, title
 from ncrs.report.robots import ReportError, Robots, load_robots, lone_robot
 from ncrs.runs.published import PublishedChampion
@@ -196,6 +199,8 @@ def _write_report(
             "scripts": (*SHARED, *_SCRIPTS),
         }
         _write_page(made, page)
+        live = page_text([_first_robot(robots)], options.seed)
+        (made / LIVE_PAGE).write_text(live, encoding="utf-8")
         _write_robots(made / DATA_FOLDER, robots, first, scenarios, progress)
         size = sum(path.stat().st_size for path in made.rglob("*") if path.is_file())
     return Report(target / PAGE_FILE, len(robots), len(robots) - first, size)
@@ -223,6 +228,22 @@ def _write_page(folder: Path, values: dict[str, Any]) -> None:
         (folder / name).write_text((source / name).read_text(encoding="utf-8"), encoding="utf-8")
     for name in (BASE_STYLE, *SHARED):
         (folder / name).write_text(page_part(name), encoding="utf-8")
+
+
+def _first_robot(robots: Robots) -> LiveRobot:
+    """Return the robot that the live page opens on: the champion, or the fittest elite."""
+    if robots.champion is not None:
+        return live_robot(robots.champion)
+    best = int(robots.fitness.argmax())
+    elite = EvolvedRobot(
+        robots.genomes[best],
+        robots.bodies[best],
+        robots.task,
+        float(robots.fitness[best]),
+        float(robots.success[best]),
+        name="best elite",
+    )
+    return live_robot(elite)
 
 
 def _write_robots(

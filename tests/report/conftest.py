@@ -107,19 +107,8 @@ def report(run_dir):
     return build_report(run_dir, options=ReportOptions(episodes=EPISODES))
 
 
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory):
-    from tests.report.browser import CHROMIUM, DRIVER, start_chromium
-
-    if CHROMIUM is None or DRIVER is None:
-        pytest.skip("Chromium or its driver is not installed (Debian: chromium chromium-driver)")
-    driver = start_chromium(tmp_path_factory.mktemp("chromium"))
-    yield driver
-    driver.quit()
-
-
 @pytest.fixture
 def page(chromium, report):
-    from tests.report.browser import Page
+    from tests.browser import Page
 
     return Page(chromium, report.page.resolve())

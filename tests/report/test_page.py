@@ -9,7 +9,7 @@ import pytest
 
 from ncrs.report import ReportOptions, build_report
 from ncrs.runs.elites import load_archive
-from tests.report.browser import Page
+from tests.browser import Page
 
 from selenium.webdriver.common.keys import Keys  # isort: skip
 from selenium.webdriver.support.select import Select  # isort: skip

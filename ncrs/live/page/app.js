@@ -6,12 +6,11 @@
   const GROWTH_STEPS_PER_SECOND = 7;
   const REST_S = 0.7; // between growing and driving
   const MAX_STEPS = 12; // in one frame, so that a slow computer falls behind instead of freezing
-  const TOOLS = [["lead", "Lead"], ["wall", "Wall"], ["erase", "Erase"]];
   const $ = (id) => document.getElementById(id);
 
   const app = {
     content: null, robot: null, session: null, scenarioIndex: 0,
-    isPlaying: true, speed: 1, tool: "lead", isFollowing: false, arrows: "light",
+    isPlaying: true, speed: 1, tool: "lead", isFollowing: false, showsValues: false, arrows: "light",
     isCalm: matchMedia("(prefers-reduced-motion: reduce)").matches,
   };
   let stage, editor, hud, numbers, channels;
@@ -73,8 +72,8 @@
     stage.forget();
     for (const part of [editor.fillPalette, hud.prepare, numbers.prepare, channels.prepare]) part();
     NCRSLive.showGenome($("genome"), app);
-    fillSizes();
-    showTools();
+    app.fillSizes();
+    app.showTools();
     describe();
   }
   function makeSession(robot, gridSize) {
@@ -209,10 +208,10 @@
     $("speed-value").textContent = `${text}×`;
     $("speed").setAttribute("aria-valuetext", `${text} times`);
   }
-  function follow(isOn) {
-    app.isFollowing = isOn;
-    $("follow").setAttribute("aria-pressed", isOn);
-    $("follow").classList.toggle("main", isOn);
+  // Set a switch of the page, and the button that shows it.
+  function turn(name, id, isOn) {
+    app[name] = isOn;
+    $(id).setAttribute("aria-pressed", isOn);
   }
 
   app.changed = (text) => {
@@ -250,156 +249,13 @@
     if (isDriving()) app.session.place(app.session.scenario);
   }
 
-  function radios(place, choices, isChosen, choose) {
-    place.replaceChildren(...choices.map(([value, label]) => element("button", { type: "button", role: "radio",
-      "aria-checked": isChosen(value), tabindex: isChosen(value) ? 0 : -1, "data-value": value, onclick: () => choose(value) }, label)));
-  }
-  // Arrow keys move within a group of choices, as in any group of radio buttons.
-  function arrowKeys(place) {
-    place.addEventListener("keydown", (event) => {
-      const by = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
-      const at = [...place.children].indexOf(event.target);
-      if (by === undefined || at < 0) return;
-      event.preventDefault();
-      event.stopPropagation();
-      place.children[(at + by + place.children.length) % place.children.length].click();
-      place.querySelector('[aria-checked="true"]').focus();
-    });
-  }
-  function showTools() {
-    const isFree = !app.session.world.hasBall;
-    if (!isFree) app.tool = "lead";
-    radios($("tools"), isFree ? TOOLS : TOOLS.slice(0, 1), (tool) => tool === app.tool, (tool) => { app.tool = tool; showTools(); });
-    $("clear-walls").hidden = !isFree;
-    app.arrows = isFree ? "light" : "target";
-    $("hint").textContent = isFree ? "Drag the light: the robot follows it." : "Drag the ball or the target.";
-  }
-  function fillSizes() {
-    const sizes = Object.keys(app.content.worlds[app.robot.task]).map(Number);
-    radios($("sizes"), sizes.map((n) => [n, String(n)]), (n) => n === app.session.world.gridSize, (n) => show(app.robot, n));
-  }
-  function thumbnail(robot) {
-    const canvas = element("canvas", { "aria-hidden": "true" });
-    const world = app.content.worlds[robot.task][robot.gridSize];
-    const known = Number.isFinite(robot.success) ? `${NCRSLive.percent(robot.success)} success` : "never tested";
-    const button = element("button", { type: "button", role: "radio", "data-id": robot.id ?? "", onclick: () => show(robot) },
-      canvas, element("b", {}, robot.title), element("span", {}, `${world.title}, ${known}`));
-    button.robot = robot;
-    requestAnimationFrame(() => {
-      const shown = NCRSDrawing.world;
-      NCRSDrawing.world = world;
-      NCRSDrawing.drawBody(canvas, robot.body ?? ".".repeat(world.gridSize ** 2));
-      NCRSDrawing.world = shown;
-    });
-    return button;
-  }
-  // Add a robot that a file or a link brought to those of the page; its body is what its genome grows.
-  function adopt(robot) {
-    const session = makeSession(robot, robot.gridSize);
-    while (!session.grow());
-    app.session = session;
-    robot.body = app.characters();
-    robot.note = "It was brought here, and is on no other page.";
-    $("robots").prepend(thumbnail(robot));
-    return robot;
-  }
-  async function open(file) {
-    try {
-      const before = app.session;
-      const robot = await NCRSLive.readRobot(file, app.content.worlds, app.robot.task);
-      app.session = before;
-      show(adopt(robot));
-      app.say(`${robot.title} is alive.`);
-    } catch (error) {
-      complain(error);
-    }
-  }
-  async function share() {
-    history.replaceState(null, "", await NCRSLive.encode(NCRSLive.snapshot(app)));
-    try {
-      await navigator.clipboard.writeText(location.href);
-      app.say("The link is copied; it restores this very moment.");
-    } catch {
-      app.say("The address bar now holds the link; it restores this very moment.");
-    }
-  }
-  // Show what an address holds, if anything.
-  async function follows(hash) {
-    try {
-      const saved = await NCRSLive.decode(hash);
-      if (saved === null) return false;
-      let robot = NCRSLive.robotOf(saved, app.content);
-      const size = saved.gridSize ?? robot.gridSize;
-      if (!Object.hasOwn(app.content.worlds[robot.task], size)) throw new Error("The link cannot be used: its grid size is not of this page.");
-      const session = makeSession(robot, size);
-      NCRSLive.restore(session, saved);
-      if (robot.isOwn) robot = adopt(robot);
-      show(robot, size, session.scenario);
-      if (saved.body !== undefined) {
-        begin(session);
-        play(false);
-        setSpeed(Number.isFinite(saved.speed) ? Math.min(Math.max(Math.round(Math.log2(saved.speed)), -3), 2) : 0);
-      }
-      return true;
-    } catch (error) {
-      complain(error);
-      return false;
-    }
-  }
-
-  const KEYS = {
-    " ": () => play(!app.isPlaying), ".": step, r: reset, n: nextCourse, g: () => growAgain(true), h: () => growAgain(false),
-    "+": () => setSpeed(Math.min(Math.log2(app.speed) + 1, 2)), "-": () => setSpeed(Math.max(Math.log2(app.speed) - 1, -3)),
-    f: () => follow(!app.isFollowing),
-  };
-  function onKey(event) {
-    const isTyping = event.target.closest("input, select, textarea"), isPressing = event.target.closest("button, summary, a");
-    if (event.ctrlKey || event.metaKey || event.altKey || isTyping || (isPressing && event.key === " ")) return;
-    const act = KEYS[event.key.toLowerCase()];
-    if (!act) return;
-    act();
-    event.preventDefault();
-  }
-  function onStageKey(event) {
-    const move = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] }[event.key];
-    if (event.key.toLowerCase() === "b" && app.session.world.hasBall) {
-      app.arrows = app.arrows === "ball" ? "target" : "ball";
-      app.say(`Arrow keys move the ${app.arrows}.`);
-    } else if (move) {
-      app.touched();
-      const from = app.arrows === "ball" ? app.ball() : app.session.scenario[app.arrows], far = event.shiftKey ? 10 : 2;
-      app.moveThing(app.arrows, [from[0] + far * move[0], from[1] + far * move[1]]);
-      app.say(`The ${app.arrows} is at ${app.session.scenario[app.arrows].map((v) => v.toFixed(0)).join(", ")}.`, true);
-    } else return;
-    event.preventDefault();
-  }
-
-  function listen() {
-    $("play").onclick = () => play(!app.isPlaying);
-    $("step").onclick = step;
-    $("reset").onclick = reset;
-    $("next").onclick = nextCourse;
-    $("grow-seed").onclick = () => growAgain(true);
-    $("grow-left").onclick = () => growAgain(false);
-    $("clear-walls").onclick = () => setWalls([]);
-    $("follow").onclick = () => follow(!app.isFollowing);
-    $("share").onclick = share;
-    $("speed").oninput = () => setSpeed(Number($("speed").value));
-    $("file").onchange = () => { if ($("file").files.length) open($("file").files[0]); $("file").value = ""; };
-    addEventListener("keydown", onKey);
-    $("stage").addEventListener("keydown", onStageKey);
-    for (const id of ["robots", "tools", "sizes"]) arrowKeys($(id));
-    addEventListener("dragover", (event) => { event.preventDefault(); document.body.classList.add("is-dropping"); });
-    addEventListener("dragleave", () => document.body.classList.remove("is-dropping"));
-    addEventListener("drop", (event) => {
-      event.preventDefault();
-      document.body.classList.remove("is-dropping");
-      if (event.dataTransfer.files.length) open(event.dataTransfer.files[0]);
-    });
-    addEventListener("hashchange", () => follows(location.hash));
-  }
+  Object.assign(app, {
+    show, begin, makeSession, play, step, reset, nextCourse, growAgain, setSpeed, turn, complain, setWalls, advance,
+    isDriving,
+  });
 
   async function start() {
+    document.body.classList.toggle("is-framed", window.self !== window.top);
     app.content = await NCRSLive.load();
     const first = app.content.robots[0];
     NCRSDrawing.world = app.content.worlds[first.task][first.gridSize];
@@ -408,10 +264,10 @@
     hud = NCRSLive.makeHud($("hud"), app);
     numbers = NCRSLive.makeNumbers($("numbers"), app);
     channels = NCRSLive.makeChannels($("channels"), app);
-    $("robots").replaceChildren(...app.content.robots.map(thumbnail));
-    listen();
+    NCRSLive.addControls(app);
+    NCRSLive.addChoice(app);
     setSpeed(0);
-    if (!await follows(location.hash)) {
+    if (!await app.follows(location.hash)) {
       const reason = $("problem").textContent; // of a link that could not be used
       show(first);
       if (reason) complain(new Error(reason));
@@ -421,6 +277,6 @@
     document.body.dataset.ready = "true";
   }
 
-  Object.assign(NCRSLive, { app, show, growAgain, play, advance });
+  NCRSLive.app = app;
   start().catch(complain);
 })();

@@ -92,7 +92,7 @@
     function draw() {
       const { session } = app, isDriving = session.phase !== "growing", n = world().gridSize;
       const body = app.characters();
-      if (isDriving) NCRSDrawing.drawBody(canvas, body, session.sensed.data, Array.from(session.gas, (g) => Math.min(Math.max(g, -1), 1)), n <= 7);
+      if (isDriving) NCRSDrawing.drawBody(canvas, body, session.sensed.data, Array.from(session.gas, (g) => Math.min(Math.max(g, -1), 1)), app.showsValues);
       else NCRSDrawing.drawBody(canvas, body);
       if (cursor < 0) return;
       const context = canvas.getContext("2d"), { cellSize, palette: colors } = world();

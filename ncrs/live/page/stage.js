@@ -45,7 +45,6 @@
     }
     function drawTrail(context) {
       context.lineWidth = 0.7;
-      context.lineCap = "round";
       const [r, g, b] = world().palette.tissue.match(/\d+/g);
       for (let i = 2; i < trail.length; i += 2) {
         context.strokeStyle = `rgba(${r}, ${g}, ${b}, ${(0.75 * i) / trail.length})`;

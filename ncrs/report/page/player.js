@@ -60,7 +60,8 @@
   }
 
   // A player for one robot; onEpisode is called with each episode that is chosen.
-  NCRSReport.makePlayer = (name, body, episodes, onEpisode) => {
+  NCRSReport.makePlayer = (robot, body, episodes, onEpisode) => {
+    const name = NCRSReport.robotName(robot);
     const world = NCRSReport.overview.world;
     const steps = world.steps;
     let chosen = 0, time = 0, request = 0, before = null;
@@ -130,7 +131,7 @@
     const box = element("div", { class: "player" },
       element("div", { class: "player-head" }, element("h4", {}, "Episodes"), episode),
       stage,
-      element("div", { class: "controls" }, play, step(-1, "‹", "One step back"), step(1, "›", "One step on"),
+      element("div", { class: "controls" }, play, NCRSReport.makeLiveButton(robot, () => chosen), step(-1, "‹", "One step back"), step(1, "›", "One step on"),
         speed),
       scrubber,
       element("div", { class: "below" }, closeUp, element("div", {}, readout, outcome)));

@@ -119,7 +119,7 @@
     const grown = NCRSReport.makeChannels("");
     const driven = NCRSReport.makeChannels("");
     const growth = NCRSReport.makeGrowth(name, body, record, canvas, grown);
-    const player = NCRSReport.makePlayer(name, body, record.episodes, (episode, index) =>
+    const player = NCRSReport.makePlayer(robot, body, record.episodes, (episode, index) =>
       driven.show(episode.control, 0, `Channels at the end of episode ${index + 1}`));
     card.append(growth.box, player.box, grown.box, driven.box);
     players.set(card, player);

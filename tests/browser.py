@@ -1,4 +1,4 @@
-"""A report in headless Chromium, for the tests of the page."""
+"""A page in headless Chromium, for the tests of reports and of live robots."""
 
 import shutil
 import time
@@ -48,7 +48,7 @@ def start_chromium(profile):
 
 
 class Page:
-    """The report in the browser."""
+    """A page in the browser."""
 
     def __init__(self, driver, path):
         self.driver = driver
