@@ -1,29 +1,17 @@
 """A page in headless Chromium, for the tests of reports and of live robots."""
 
-import shutil
 import time
 
 import pytest
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
 
-from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
-ARGUMENTS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-dev-shm-usage",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
+from benchmarks.browser import resize
+
 WAIT_S = 30
 SETTLE_S = 0.1
 # Scrolls to an element; its centre, or null while something else is there.
@@ -37,16 +25,6 @@ return there && (element.contains(there) || there.contains(element)) ? [x, y, sc
 """
 
 
-def start_chromium(profile):
-    """A driver that keeps the browser's and the network's logs."""
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for argument in (*ARGUMENTS, f"--user-data-dir={profile}"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    return webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
-
-
 class Page:
     """A page in the browser."""
 
@@ -56,10 +34,7 @@ class Page:
 
     def open(self, width=1440, height=900, fragment=""):
         self.driver.get("about:blank")
-        self.driver.execute_cdp_cmd(
-            "Emulation.setDeviceMetricsOverride",
-            {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600},
-        )
+        resize(self.driver, width, height)
         self.driver.get(self.path.as_uri() + fragment)
         self.wait(lambda: self.js("return document.body.dataset.ready === 'true'"))
 

@@ -55,7 +55,8 @@ def full_genome() -> Any:
 
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory):
-    from tests.browser import CHROMIUM, DRIVER, start_chromium
+    pytest.importorskip("selenium", reason="selenium is not installed")
+    from benchmarks.browser import CHROMIUM, DRIVER, start_chromium
 
     if CHROMIUM is None or DRIVER is None:
         pytest.skip("Chromium or its driver is not installed (Debian: chromium chromium-driver)")

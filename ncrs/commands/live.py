@@ -31,11 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from ncrs.live.build import PAGE_FILE, write_page
-    from ncrs.live.robots import live_robot, published_robots, run_robots
+    from ncrs.live.robots import live_robot, published_robots, robot_by_hand, run_robots
 
     path: Path = options.output or Path(PAGE_FILE)
     if options.robot is None:
-        robots = published_robots()
+        robots = [robot_by_hand(), *published_robots()]
     elif options.robot.is_dir() and options.measures is None:
         robots = run_robots(options.robot, options.elites)
         path = options.output or options.robot / PAGE_FILE

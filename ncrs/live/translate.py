@@ -74,10 +74,12 @@ class Source:
     file: str
     names: Mapping[str, Any]
     """Values of the names that are not local."""
+    indent: int
+    """Number of columns by which the tree was moved to the left."""
 
     def refuse(self, node: ast.AST, reason: str) -> TranslationError:
         """Make the error for a construct."""
-        line, column = getattr(node, "lineno", 0), getattr(node, "col_offset", 0) + 1
+        line, column = getattr(node, "lineno", 0), getattr(node, "col_offset", 0) + self.indent + 1
         return TranslationError(f"{self.file}:{line}:{column}: {reason}.")
 
 
@@ -97,7 +99,7 @@ def _source_of(function: Any) -> Source:
         raise TranslationError(f"{file}:{first}:1: a function must be declared by def.")
     cells = inspect.getclosurevars(function)
     names = {**cells.builtins, **function.__globals__, **cells.nonlocals}
-    return Source(definition, file, names)
+    return Source(definition, file, names, len(lines[0]) - len(lines[0].lstrip()))
 
 
 class Program:

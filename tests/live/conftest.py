@@ -3,12 +3,13 @@
 import pytest
 
 from ncrs.live.build import write_page
-from ncrs.live.robots import published_robots
+from ncrs.live.robots import published_robots, robot_by_hand
 
 
 @pytest.fixture(scope="session")
 def live_file(tmp_path_factory):
-    return write_page(tmp_path_factory.mktemp("live") / "live.html", published_robots()).path
+    robots = [*published_robots(), robot_by_hand()]
+    return write_page(tmp_path_factory.mktemp("live") / "live.html", robots).path
 
 
 @pytest.fixture

@@ -10,7 +10,9 @@
 
   const app = {
     content: null, robot: null, session: null, scenarioIndex: 0,
-    isPlaying: true, speed: 1, tool: "lead", isFollowing: false, showsValues: false, arrows: "light",
+    isPlaying: true, speed: 1, tool: "lead", isFollowing: false, showsValues: false, isRepeating: true,
+    isTouched: false, // true once hands have changed the course
+    episodes: 0, successes: 0, arrows: "light",
     isCalm: matchMedia("(prefers-reduced-motion: reduce)").matches,
   };
   let stage, editor, hud, numbers, channels;
@@ -94,7 +96,10 @@
       const isChosen = button.robot === robot;
       button.setAttribute("aria-checked", isChosen);
       button.tabIndex = isChosen ? 0 : -1;
+      if (isChosen) $("robots").scrollTo({ left: button.offsetLeft - $("robots").offsetLeft - 60, behavior: app.isCalm ? "instant" : "smooth" });
     }
+    Object.assign(app, { episodes: 0, successes: 0, isTouched: scenario !== null });
+    turn("isRepeating", "repeat", !robot.follows);
     play(true);
     document.body.dataset.robot = robot.id ?? "";
   }
@@ -126,7 +131,11 @@
     previous = current();
     if (!app.session.advance()) return lose();
     stage.trace();
-    if (app.session.successStep === app.session.step) app.say("Success!");
+    const { session } = app;
+    if (session.step === session.world.steps) {
+      app.episodes += 1;
+      app.successes += session.state.success ? 1 : 0;
+    }
     return undefined;
   }
   function advance(seconds) {
@@ -139,8 +148,14 @@
       growOn();
       return;
     }
+    const isOver = () => app.isRepeating && session.step >= session.world.steps;
+    if (isOver()) {
+      rest += seconds * app.speed;
+      if (rest > REST_S) repeat();
+      return;
+    }
     owed += (seconds * app.speed) / session.world.dt;
-    for (let i = 0; owed >= 1 && i < MAX_STEPS && isDriving() && app.isPlaying; i++) {
+    for (let i = 0; owed >= 1 && i < MAX_STEPS && isDriving() && app.isPlaying && !isOver(); i++) {
       driveOn();
       owed -= 1;
     }
@@ -174,11 +189,18 @@
     if (app.session.phase === "growing") growOn();
     else if (isDriving()) driveOn();
   }
+  // Start the next episode: on the next course, or on this one if hands have changed it.
+  function repeat() {
+    rest = 0;
+    if (app.isTouched) reset();
+    else nextCourse();
+  }
   function reset() {
     const { session } = app;
     if (session.phase === "growing" || session.phase === "lost") return show(app.robot, session.world.gridSize, session.scenario);
     previous = null;
     owed = 0;
+    rest = 0;
     session.restart();
     stage.forget();
     stage.trace();
@@ -189,6 +211,7 @@
     const { scenarios } = app.session.world;
     app.scenarioIndex = (app.scenarioIndex + 1) % scenarios.length;
     app.session.scenario = structuredClone(scenarios[app.scenarioIndex]);
+    app.isTouched = false;
     if (app.session.phase !== "growing") reset();
     app.say(`Course ${app.scenarioIndex + 1} of ${scenarios.length}`, true);
   }
@@ -222,6 +245,7 @@
   app.touched = () => $("hint").classList.add("is-gone");
   // Put the light, the ball or the target somewhere in the playfield.
   app.moveThing = (name, point) => {
+    app.isTouched = true;
     const { session } = app, { extent } = session.world;
     const at = point.map((value) => Math.min(Math.max(value, -extent), extent));
     if (name === "ball") {
@@ -245,13 +269,14 @@
     if (found >= 0) setWalls(walls.filter((_, i) => i !== found));
   };
   function setWalls(walls) {
+    app.isTouched = true;
     app.session.scenario.walls = walls;
     if (isDriving()) app.session.place(app.session.scenario);
   }
 
   Object.assign(app, {
     show, begin, makeSession, play, step, reset, nextCourse, growAgain, setSpeed, turn, complain, setWalls, advance,
-    isDriving,
+    draw, isDriving,
   });
 
   async function start() {

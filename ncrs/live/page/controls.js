@@ -28,16 +28,22 @@ NCRSLive.addControls = (app) => {
     radios($("tools"), isFree ? TOOLS : TOOLS.slice(0, 1), (tool) => tool === app.tool, (tool) => { app.tool = tool; showTools(); });
     $("clear-walls").hidden = !isFree;
     app.arrows = isFree ? "light" : "target";
-    $("hint").textContent = isFree ? "Drag the light: the robot follows it." : "Drag the ball or the target.";
+    $("tools").hidden = !isFree;
+    const seconds = app.session.world.steps * app.session.world.dt;
+    $("hint").textContent = !isFree ? "Drag the ball or the target."
+      : app.robot.follows ? "Drag the light: the robot follows it."
+        : `Put the light somewhere. This robot was bred to reach it within ${seconds} seconds, from rest.`;
   }
   function fillSizes() {
     const sizes = Object.keys(app.content.worlds[app.robot.task]).map(Number);
     radios($("sizes"), sizes.map((n) => [n, String(n)]), (n) => n === app.session.world.gridSize, (n) => app.show(app.robot, n));
   }
+
+  const toggle = (name, id) => app.turn(name, id, !app[name]);
   const KEYS = {
     " ": () => app.play(!app.isPlaying), ".": app.step, r: app.reset, n: app.nextCourse, g: () => app.growAgain(true), h: () => app.growAgain(false),
     "+": () => app.setSpeed(Math.min(Math.log2(app.speed) + 1, 2)), "-": () => app.setSpeed(Math.max(Math.log2(app.speed) - 1, -3)),
-    f: () => app.turn("isFollowing", "follow", !app.isFollowing), v: () => app.turn("showsValues", "values", !app.showsValues),
+    f: () => toggle("isFollowing", "follow"), v: () => toggle("showsValues", "values"), e: () => toggle("isRepeating", "repeat"),
   };
   function onKey(event) {
     const isTyping = event.target.closest("input, select, textarea"), isPressing = event.target.closest("button, summary, a");
@@ -69,8 +75,9 @@ NCRSLive.addControls = (app) => {
   $("grow-seed").onclick = () => app.growAgain(true);
   $("grow-left").onclick = () => app.growAgain(false);
   $("clear-walls").onclick = () => app.setWalls([]);
-  $("follow").onclick = () => app.turn("isFollowing", "follow", !app.isFollowing);
-  $("values").onclick = () => app.turn("showsValues", "values", !app.showsValues);
+  $("follow").onclick = () => toggle("isFollowing", "follow");
+  $("values").onclick = () => toggle("showsValues", "values");
+  $("repeat").onclick = () => toggle("isRepeating", "repeat");
   $("speed").oninput = () => app.setSpeed(Number($("speed").value));
   addEventListener("keydown", onKey);
   $("stage").addEventListener("keydown", onStageKey);

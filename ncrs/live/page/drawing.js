@@ -16,16 +16,26 @@
     return context;
   }
 
+  const known = new Map();
+  function parts(color) {
+    if (!known.has(color)) known.set(color, color.match(/\d+/g).map(Number));
+    return known.get(color);
+  }
+
   // A colour between two others, as "rgb(r, g, b)".
   function mix(from, to, fraction) {
-    const [a, b] = [from, to].map((color) => color.match(/\d+/g).map(Number));
+    const [a, b] = [parts(from), parts(to)];
     return `rgb(${a.map((value, i) => Math.round(value + (b[i] - value) * fraction)).join(", ")})`;
   }
 
+  const shades = new Map();
   // The colour of a sensor: nearly dark at value 0, nearly white at 1.
   function lit(hue, value) {
     const { ground, white } = NCRSDrawing.world.palette;
-    return mix(mix(ground, hue, 0.2), mix(hue, white, 0.7), Math.min(Math.max(value, 0), 1));
+    const part = Math.round(64 * Math.min(Math.max(value, 0), 1)) / 64; // few colours, each mixed once
+    const key = `${hue} ${part}`;
+    if (!shades.has(key)) shades.set(key, mix(mix(ground, hue, 0.2), mix(hue, white, 0.7), part));
+    return shades.get(key);
   }
 
   function fillDisc(context, radius, color) {
@@ -234,13 +244,16 @@
   // One channel as n x n squares.
   function drawChannel(canvas, values) {
     const n = NCRSDrawing.world.gridSize;
-    canvas.width = n;
-    canvas.height = n;
-    const context = canvas.getContext("2d");
+    if (canvas.width !== n || canvas.height !== n) {
+      canvas.width = n;
+      canvas.height = n;
+    }
+    const image = new ImageData(n, n);
     values.forEach((value, i) => {
-      context.fillStyle = NCRSDrawing.signedColor(value);
-      context.fillRect(i % n, Math.floor(i / n), 1, 1);
+      image.data.set(NCRSDrawing.signedRgb(value), 4 * i);
+      image.data[4 * i + 3] = 255;
     });
+    canvas.getContext("2d").putImageData(image, 0, 0);
   }
 
   // A single cell as a small picture.

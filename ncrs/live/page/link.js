@@ -27,6 +27,7 @@
       grown: packed(session.grown.data), brain: session.brain && packed(session.brain.states.data),
       sensed: packed(session.sensed.data), gas: packed(session.gas), state: session.state,
       counters: Object.fromEntries(COUNTERS.map((name) => [name, session[name]])), speed: app.speed,
+      isRepeating: app.isRepeating,
     };
   };
 

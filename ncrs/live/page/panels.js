@@ -24,18 +24,21 @@
     function prepare() {
       const { hasBall } = app.session.world;
       values = list(place, { time: "Time", reward: "Reward", mean: "Mean", distance: hasBall ? "Ball to target" : "To the light",
-        success: "Success" });
+        success: "Success", tries: "Succeeded" });
     }
     function draw() {
       const { session } = app, isDriving = session.phase !== "growing";
       const [toGoal, toTarget] = isDriving ? session.distances() : [NaN, NaN];
       const decisive = session.world.hasBall ? toTarget : toGoal;
       write(values.time, isDriving ? `${(session.step * session.world.dt).toFixed(1)} s` : "–");
-      write(values.reward, session.step ? session.reward.toFixed(3) : "–");
-      write(values.mean, session.step ? (session.total / session.step).toFixed(3) : "–");
+      write(values.reward, isDriving && session.step ? session.reward.toFixed(3) : "–");
+      write(values.mean, isDriving && session.step ? (session.total / session.step).toFixed(3) : "–");
       write(values.distance, isDriving ? decisive.toFixed(1) : "–");
-      write(values.success, session.successStep < 0 ? "not yet" : `at ${(session.successStep * session.world.dt).toFixed(1)} s`);
-      values.success.className = session.successStep < 0 ? "" : "good";
+      const isDone = isDriving && session.successStep >= 0;
+      write(values.success, !isDriving ? "–" : !isDone ? "not yet" : `at ${(session.successStep * session.world.dt).toFixed(1)} s`);
+      values.tries.parentElement.hidden = app.episodes === 0;
+      write(values.tries, `${app.successes} of ${app.episodes}`);
+      values.success.className = isDone ? "good" : "";
     }
     return { prepare, draw };
   };
@@ -44,13 +47,13 @@
     let values = null;
     function prepare() {
       values = list(place, { fitness: `Mean reward of the first ${app.session.world.steps} steps`,
-        published: "Its known fitness", success: "Its known success" });
+        published: "Fitness in its tests", success: "Success in its tests" });
       const { robot } = app;
       const isKnown = Number.isFinite(robot.fitness);
       const asTrained = robot.gridSize === app.session.world.gridSize ? "" : `, on ${robot.gridSize} × ${robot.gridSize}`;
-      write(values.published, isKnown ? `${robot.fitness.toFixed(3)}${asTrained}` : "unknown");
+      write(values.published, isKnown ? `${robot.fitness.toFixed(3)}${asTrained}` : "not measured");
       const of = robot.episodes ? ` of ${robot.episodes.toLocaleString("en")} episodes` : "";
-      write(values.success, Number.isFinite(robot.success) ? `${percent(robot.success)}${of}` : "unknown");
+      write(values.success, Number.isFinite(robot.success) ? `${percent(robot.success)}${of}` : "not measured");
     }
     function draw() {
       const { fitness, step, world } = app.session;

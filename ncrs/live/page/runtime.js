@@ -39,18 +39,24 @@ function indexOfMax(values) {
 
 // Tiles, as in ncrs/engines/tiles.py: rows x lanes float32 values. A kernel holds at most one tile
 // of a size at a time, so each size needs memory once. Products and sums fuse: in float64 the
-// product of two float32 values is exact, and Math.fround rounds the sum. Memory of float64 spares
-// a conversion for each. A factor of zero changes nothing but the sign of a zero, since weights are
-// finite.
+// product of two float32 values is exact, and Math.fround rounds the sum. The products are noted
+// first and added when the tile is stored, eight lanes at once, which keeps the sums in registers;
+// every sum takes them in the same order. A factor of zero changes nothing but the sign of a zero,
+// since weights are finite.
+const MAX_PRODUCTS = 1024;
 const tileMemory = new Map();
 
 function repeatRow(rows, lanes, array, offset) {
   const key = 1024 * rows + lanes;
   let tile = tileMemory.get(key);
   if (tile === undefined) {
-    tile = { rows, lanes, values: new Float64Array(rows * lanes) };
+    tile = {
+      rows, lanes, values: new Float64Array(rows * lanes), weights: array, count: new Int32Array(rows),
+      factors: new Float64Array(rows * MAX_PRODUCTS), starts: new Int32Array(rows * MAX_PRODUCTS),
+    };
     tileMemory.set(key, tile);
   }
+  tile.count.fill(0);
   for (let row = 0; row < rows; row++) {
     for (let lane = 0; lane < lanes; lane++) tile.values[row * lanes + lane] = array[offset + lane];
   }
@@ -58,26 +64,51 @@ function repeatRow(rows, lanes, array, offset) {
 }
 
 function addOuterProduct(tile, weights, start, inputs, first, stride) {
-  const { rows, lanes, values } = tile;
-  for (let row = 0; row < rows; row++) {
-    const input = inputs[first + row * stride], at = row * lanes;
-    if (input === 0) continue;
-    for (let lane = 0; lane < lanes; lane += 4) { // sizes are multiples of 4; four at once are faster
-      const to = at + lane, from = start + lane;
-      const a = Math.fround(values[to] + weights[from] * input);
-      const b = Math.fround(values[to + 1] + weights[from + 1] * input);
-      const c = Math.fround(values[to + 2] + weights[from + 2] * input);
-      const d = Math.fround(values[to + 3] + weights[from + 3] * input);
-      values[to] = a;
-      values[to + 1] = b;
-      values[to + 2] = c;
-      values[to + 3] = d;
-    }
+  tile.weights = weights;
+  for (let row = 0; row < tile.rows; row++) {
+    const factor = inputs[first + row * stride];
+    if (factor === 0) continue;
+    const at = row * MAX_PRODUCTS + tile.count[row];
+    tile.factors[at] = factor;
+    tile.starts[at] = start;
+    tile.count[row] += 1;
   }
   return tile;
 }
 
+function addUp(tile) {
+  const { rows, lanes, values, weights, factors, starts } = tile, round = Math.fround;
+  for (let row = 0; row < rows; row++) {
+    const begin = row * MAX_PRODUCTS, end = begin + tile.count[row];
+    for (let lane = 0; lane < lanes; lane += 8) { // sizes are multiples of 8
+      const to = row * lanes + lane;
+      let a = values[to], b = values[to + 1], c = values[to + 2], d = values[to + 3];
+      let e = values[to + 4], f = values[to + 5], g = values[to + 6], h = values[to + 7];
+      for (let i = begin; i < end; i++) {
+        const factor = factors[i], from = starts[i] + lane;
+        a = round(a + weights[from] * factor);
+        b = round(b + weights[from + 1] * factor);
+        c = round(c + weights[from + 2] * factor);
+        d = round(d + weights[from + 3] * factor);
+        e = round(e + weights[from + 4] * factor);
+        f = round(f + weights[from + 5] * factor);
+        g = round(g + weights[from + 6] * factor);
+        h = round(h + weights[from + 7] * factor);
+      }
+      values[to] = a;
+      values[to + 1] = b;
+      values[to + 2] = c;
+      values[to + 3] = d;
+      values[to + 4] = e;
+      values[to + 5] = f;
+      values[to + 6] = g;
+      values[to + 7] = h;
+    }
+  }
+}
+
 function storeRectified(tile, array, first, stride) {
+  addUp(tile);
   const { rows, lanes, values } = tile;
   for (let row = 0; row < rows; row++) {
     for (let lane = 0; lane < lanes; lane++) {
@@ -88,6 +119,7 @@ function storeRectified(tile, array, first, stride) {
 }
 
 function storeClippedSum(tile, limit, inputs, outputs, first, stride) {
+  addUp(tile);
   const { rows, lanes, values } = tile;
   for (let row = 0; row < rows; row++) {
     for (let lane = 0; lane < lanes; lane++) {

@@ -4,7 +4,9 @@
 (() => {
   const GROWING_VIEW = 13; // half the view's width in units
   const FOLLOWING_VIEW = 34;
-  const TRAIL = 500;
+  const TRAIL = 500; // points
+  const TRAIL_PIECE = 12; // points of one brightness
+  const SPRITE = 64; // side of a painted light or flame, in pixels
   const GRAB = 9; // how near to the ball or the target the pointer takes it, in units
 
   // The stage of an app, see app.js; draw() draws it and trace() keeps where the robot was.
@@ -36,30 +38,62 @@
       if (trail.length > 2 * TRAIL) trail.splice(0, 2);
     }
 
-    function glow(context, [x, y], radius, color, strength) {
-      const fill = context.createRadialGradient(x, -y, 0, x, -y, radius);
-      fill.addColorStop(0, color.replace("rgb", "rgba").replace(")", `, ${strength})`));
-      fill.addColorStop(1, color.replace("rgb", "rgba").replace(")", ", 0)"));
+    // Pictures of light and flames that are painted once, since gradients are slow.
+    const sprites = new Map();
+    const clear = (color, alpha) => color.replace("rgb", "rgba").replace(")", `, ${alpha})`);
+    function sprite(name, color, paint) {
+      const key = `${name} ${color}`;
+      if (!sprites.has(key)) {
+        const picture = document.createElement("canvas");
+        picture.width = SPRITE;
+        picture.height = SPRITE;
+        paint(picture.getContext("2d"), color);
+        sprites.set(key, picture);
+      }
+      return sprites.get(key);
+    }
+    function paintGlow(context, color) {
+      const half = SPRITE / 2, fill = context.createRadialGradient(half, half, 0, half, half, half);
+      fill.addColorStop(0, color);
+      fill.addColorStop(1, clear(color, 0));
       context.fillStyle = fill;
-      context.fillRect(x - radius, -y - radius, 2 * radius, 2 * radius);
+      context.fillRect(0, 0, SPRITE, SPRITE);
+    }
+    function paintFlame(context, color) {
+      const fill = context.createLinearGradient(0, 0, 0, SPRITE);
+      fill.addColorStop(0, clear(color, 0.75));
+      fill.addColorStop(1, clear(color, 0));
+      context.fillStyle = fill;
+      context.beginPath();
+      context.moveTo(0, 0);
+      context.lineTo(SPRITE, 0);
+      context.lineTo(SPRITE / 2, SPRITE);
+      context.fill();
+    }
+    function glow(context, [x, y], radius, color, strength) {
+      context.globalAlpha = strength;
+      context.drawImage(sprite("glow", color, paintGlow), x - radius, -y - radius, 2 * radius, 2 * radius);
+      context.globalAlpha = 1;
     }
     function drawTrail(context) {
       context.lineWidth = 0.7;
       const [r, g, b] = world().palette.tissue.match(/\d+/g);
-      for (let i = 2; i < trail.length; i += 2) {
-        context.strokeStyle = `rgba(${r}, ${g}, ${b}, ${(0.75 * i) / trail.length})`;
+      for (let from = 0; from + 2 < trail.length; from += 2 * TRAIL_PIECE) {
+        context.strokeStyle = `rgba(${r}, ${g}, ${b}, ${(0.75 * from) / trail.length + 0.05})`;
         context.beginPath();
-        context.moveTo(trail[i - 2], -trail[i - 1]);
-        context.lineTo(trail[i], -trail[i + 1]);
+        context.moveTo(trail[from], -trail[from + 1]);
+        const end = Math.min(from + 2 * TRAIL_PIECE, trail.length - 2);
+        for (let i = from + 2; i <= end; i += 2) context.lineTo(trail[i], -trail[i + 1]);
         context.stroke();
       }
     }
     // Flames behind pushing wheels, and light around sensors, in the robot's frame with y down.
     function eachCell(visit) {
       const { body } = app.session, n = world().gridSize;
-      const cells = Object.values(world().cells);
+      const cells = [];
+      for (const cell of Object.values(world().cells)) cells[cell.code] = cell;
       for (let i = 0; i < n * n; i++) {
-        const cell = cells.find(({ code }) => code === body.data[i]);
+        const cell = cells[body.data[i]];
         visit(cell, i, ((i % n) - (n - 1) / 2) * 2, (Math.floor(i / n) - (n - 1) / 2) * 2);
       }
     }
@@ -68,17 +102,12 @@
       eachCell((cell, i, x, y) => {
         const gas = Math.min(Math.max(app.session.gas[i], -1), 1);
         if (!cell.drives || Math.abs(gas) < 0.03) return;
-        const color = gas > 0 ? palette.green : palette.vermilion, way = Math.sign(gas);
-        const reach = way * (1 + 4.5 * Math.abs(gas));
-        const fill = context.createLinearGradient(x, y, x, y + reach);
-        fill.addColorStop(0, color.replace("rgb", "rgba").replace(")", ", 0.75)"));
-        fill.addColorStop(1, color.replace("rgb", "rgba").replace(")", ", 0)"));
-        context.fillStyle = fill;
-        context.beginPath();
-        context.moveTo(x - 0.7, y);
-        context.lineTo(x + 0.7, y);
-        context.lineTo(x, y + reach);
-        context.fill();
+        const flame = sprite("flame", gas > 0 ? palette.green : palette.vermilion, paintFlame);
+        context.save();
+        context.translate(x, y);
+        context.scale(1, Math.sign(gas));
+        context.drawImage(flame, -0.7, 0, 1.4, 1 + 4.5 * Math.abs(gas));
+        context.restore();
       });
     }
     function drawSensing(context) {
@@ -97,6 +126,27 @@
       NCRSLive.wallQuad(...ends).forEach(([x, y], i) => (i ? context.lineTo(x, -y) : context.moveTo(x, -y)));
       context.fill();
       context.globalAlpha = 1;
+    }
+
+    // An arrow at the edge of the picture towards a robot beyond it, with its distance from there.
+    function pointOutwards(context, x, y) {
+      const inset = 0.94 * camera.half, [dx, dy] = [x - camera.x, y - camera.y];
+      const beyond = Math.max(Math.abs(dx), Math.abs(dy));
+      if (beyond < camera.half) return;
+      const size = camera.half / 30, at = inset / beyond;
+      context.save();
+      context.translate(camera.x + dx * at, -(camera.y + dy * at));
+      context.fillStyle = world().palette.white;
+      context.font = `600 ${1.3 * size}px system-ui, sans-serif`;
+      context.textAlign = dx > 0.5 * beyond ? "right" : dx < -0.5 * beyond ? "left" : "center";
+      context.fillText(`${(beyond - camera.half).toFixed(0)} away`, -Math.sign(dx) * size, Math.sign(dy) * 2.6 * size || 2.6 * size);
+      context.rotate(Math.atan2(dx, dy));
+      context.beginPath();
+      context.moveTo(0, -size);
+      context.lineTo(0.8 * size, size);
+      context.lineTo(-0.8 * size, size);
+      context.fill();
+      context.restore();
     }
 
     function draw(seconds) {
@@ -125,6 +175,7 @@
       NCRSDrawing.drawRobot(context, app.characters(), values, isDriving() ? session.gas : null);
       if (isDriving()) drawSensing(context);
       context.restore();
+      pointOutwards(context, x, y);
     }
 
     function place(event) {

@@ -6,11 +6,11 @@
   const MIN_LENGTH = 2;
   const MAX_WALLS = 60;
 
-  // The corners of a wall between two points, counter-clockwise.
+  // The corners of a wall between two points; a long side runs from the second to the third.
   NCRSLive.wallQuad = ([x0, y0], [x1, y1]) => {
     const length = Math.hypot(x1 - x0, y1 - y0) || 1;
     const [along, across] = [(HALF_WIDTH * (x1 - x0)) / length, (HALF_WIDTH * (y1 - y0)) / length];
-    return [[x0 + across, y0 - along], [x1 + across, y1 - along], [x1 - across, y1 + along], [x0 - across, y0 + along]];
+    return [[x0 - across, y0 + along], [x0 + across, y0 - along], [x1 + across, y1 - along], [x1 - across, y1 + along]];
   };
 
   NCRSLive.isInside = ([x, y], quad) => {
