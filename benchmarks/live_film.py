@@ -111,6 +111,7 @@ def glide(
 def record(driver: Any, page: Path) -> list[Image.Image]:
     """Play the scenes and return their frames."""
     resize(driver, *PAGE)
+    driver.execute_cdp_cmd("Emulation.setScrollbarsHidden", {"hidden": True})
     driver.get(page.as_uri())
     wait = "return document.body.dataset.ready === 'true'"
     while not driver.execute_script(wait):

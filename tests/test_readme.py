@@ -195,6 +195,7 @@ def test_the_readmes_ncrs_commands_run(line, folder_with_a_run):
             "evaluate": {"evaluation.json"},
             "results": {"results.csv", "results.json", "results.md"},
             "archive": set(),
+            "live": {"live.html"},
             "report": {"report"},
             "film": {"film.mp4", "film.gif"},
             "figures": {"figures"},

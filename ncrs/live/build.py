@@ -88,9 +88,10 @@ def page_text(robots: Sequence[LiveRobot], seed: int = 0) -> str:
     """Return the page's HTML; arguments and errors as in ``write_page``."""
     if not robots:
         raise LiveError("A page needs at least one robot.")
-    scripts = [*(page_part(name) for name in SHARED), engine_code()]
-    scripts += [page_part(name) for name in _SCRIPTS]
-    style = "\n".join(page_part(name) for name in _STYLES)
+    scripts = [page_part(name) for name in SHARED]
+    scripts += [engine_code(), *(page_part(name) for name in _SCRIPTS)]
+    scripts = [_compact(script) for script in scripts]
+    style = _compact("\n".join(page_part(name) for name in _STYLES))
     parts = {
         "policy": _policy(scripts, style),
         "style": style,
@@ -98,6 +99,12 @@ def page_text(robots: Sequence[LiveRobot], seed: int = 0) -> str:
         "scripts": "\n".join(f"<script>{script}</script>" for script in scripts),
     }
     return _MARK.sub(lambda mark: parts[mark[1]], page_part("live.html"))
+
+
+def _compact(text: str) -> str:
+    """Leave out indents and lines that are comments; scripts have no texts of several lines."""
+    lines = (line.strip() for line in text.splitlines())
+    return "\n".join(line for line in lines if line and not line.startswith("//"))
 
 
 def _policy(scripts: Iterable[str], style: str) -> str:

@@ -341,3 +341,25 @@ def test_elites_without_records_show_their_numbers(chromium, run_dir, archive, t
     page.click(page.find("#show-champion"))
     page.wait(lambda: page.all(".play"))
     assert page.find(".card [data-field=fitness]").text == "0.5123"
+
+
+def test_live_runs_the_robot_on_show_in_the_course_on_show(page, archive):
+    page.open()
+    page.click(page.cell(archive.measures[7]))
+    page.shown()
+    Select(page.find(".card .episode")).select_by_value("1")
+    page.click(page.find(".open-live"))
+    page.driver.switch_to.frame(page.find("dialog iframe"))
+    page.wait(lambda: page.js("return document.body.dataset.ready === 'true'"))
+    title, genome, light = page.js("""
+    const { robot, session } = NCRSLive.app;
+    return [robot.title, Array.from(session.genome), session.scenario.light];
+    """)
+    shown = page.js("return document.body.classList.contains('is-framed')")
+    page.driver.switch_to.default_content()
+    assert shown
+    assert title == expected(archive, 7)[0]
+    np.testing.assert_array_equal(np.float32(genome), archive.column("genomes")[7])
+    assert light == page.js("return NCRSReport.overview.world.scenarios[1].light")
+    page.click(page.find(".close-live"))
+    page.wait(lambda: not page.all("dialog"))

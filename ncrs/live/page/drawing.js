@@ -32,7 +32,7 @@
   // The colour of a sensor: nearly dark at value 0, nearly white at 1.
   function lit(hue, value) {
     const { ground, white } = NCRSDrawing.world.palette;
-    const part = Math.round(64 * Math.min(Math.max(value, 0), 1)) / 64; // few colours, each mixed once
+    const part = Math.round(255 * Math.min(Math.max(value, 0), 1)) / 255; // each is mixed once
     const key = `${hue} ${part}`;
     if (!shades.has(key)) shades.set(key, mix(mix(ground, hue, 0.2), mix(hue, white, 0.7), part));
     return shades.get(key);
