@@ -91,6 +91,7 @@ def test_it_opens_grows_and_drives_without_errors(live):
     assert "of 1,000 episodes" in live.find("#numbers [data-field=success]").text
 
 
+@pytest.mark.slow
 def test_it_holds_all_champions(live):
     ids = live.js("return [...document.querySelectorAll('#robots button')].map(b => b.dataset.id)")
     assert sorted(ids[:-1]) == ncrs.champions()
@@ -110,6 +111,7 @@ def test_the_light_is_dragged_and_the_robot_follows(live):
     assert after["success"]
 
 
+@pytest.mark.slow
 def test_episodes_repeat_on_the_courses_until_hands_change_one(live):
     live.js("NCRSLive.app.play(false)")
     light = grown(live) and live.js("return NCRSLive.app.session.scenario.light")
@@ -173,6 +175,7 @@ def test_cells_are_cut_off_and_painted_while_it_drives(live):
     assert steps(live, 3)["step"] == 8
 
 
+@pytest.mark.slow
 def test_the_last_cell_cannot_be_cut(live):
     grown(live)
     cut = "return NCRSLive.app.session.setCell(arguments[0], 0)"
@@ -194,6 +197,7 @@ def test_it_grows_again_from_the_seed_or_from_what_is_left(live):
     assert grown(live)["body"] == whole
 
 
+@pytest.mark.slow
 def test_larger_grids(live):
     live.click(live.find('#sizes [data-value="9"]'))
     body = grown(live)["body"]
@@ -224,6 +228,7 @@ def test_walls_stop_the_robot_until_they_are_erased(live):
     assert steps(live, 60)["y"] > 30
 
 
+@pytest.mark.slow
 def test_the_ball_and_the_target_are_dragged(live):
     choose(live, "carry_ball/best")
     grown(live)
@@ -246,6 +251,7 @@ def test_the_ball_and_the_target_are_dragged(live):
     ]
 
 
+@pytest.mark.slow
 def test_touch_leads_the_robot(live):
     grown(live)
     settle(live)
@@ -261,7 +267,7 @@ def test_touch_leads_the_robot(live):
     assert light[1] > 25
 
 
-@pytest.mark.parametrize("before", [0, 12])
+@pytest.mark.parametrize("before", [pytest.param(0, marks=pytest.mark.slow), 12])
 def test_a_link_restores_the_very_moment(live, before):
     choose(live, "obstacle/best")
     if before:
@@ -282,6 +288,7 @@ def test_a_link_restores_the_very_moment(live, before):
     assert (grown(live) if not before else steps(live, 40)) == later
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "link",
     ["#z=AAAA", "#j=bm90IGpzb24", "#j=e30", "#j=eyJ2ZXJzaW9uIjoxLCJyb2JvdCI6eyJpZCI6IngifX0"],
@@ -321,8 +328,8 @@ def save_json(path, genome):
 @pytest.mark.parametrize(
     ("name", "save", "task"),
     [
-        ("a.npy", save_npy, "light_chase"),
-        ("b.npz", save_foreign_npz, "light_chase"),
+        pytest.param("a.npy", save_npy, "light_chase", marks=pytest.mark.slow),
+        pytest.param("b.npz", save_foreign_npz, "light_chase", marks=pytest.mark.slow),
         ("c.npz", save_champion, "carry_ball"),
         ("d.json", save_json, "obstacle"),
     ],
@@ -338,6 +345,7 @@ def test_genomes_from_files_live(live, tmp_path, name, save, task):
     assert grown(live)["phase"] == "driving"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
@@ -356,6 +364,7 @@ def test_foreign_files_are_refused_in_words(live, tmp_path, name, content, reaso
     assert reason in live.find("#problem").text
 
 
+@pytest.mark.slow
 def test_weights_that_are_not_finite_are_refused(live, tmp_path):
     genome = ncrs.load_champion("light_chase/best").genome.copy()
     genome[7] = np.nan
@@ -412,7 +421,10 @@ def test_the_policy_forbids_all_but_the_page(live):
     assert live.js("return window.hit") is None
 
 
-@pytest.mark.parametrize("width", [360, 390, 768])
+@pytest.mark.parametrize(
+    "width",
+    [360, pytest.param(390, marks=pytest.mark.slow), pytest.param(768, marks=pytest.mark.slow)],
+)
 def test_narrow_screens_need_no_sideways_scrolling(live, width):
     live.open(width=width, height=800)
     assert live.js("return document.documentElement.scrollWidth") <= width
@@ -423,6 +435,7 @@ def test_narrow_screens_need_no_sideways_scrolling(live, width):
     assert small <= 1  # the line that unfolds the keys
 
 
+@pytest.mark.slow
 def test_all_controls_have_names(live):
     nameless = live.js("""
     return [...document.querySelectorAll('button, canvas[role], input, [role=radiogroup]')]

@@ -24,6 +24,7 @@ def test_champions_drive_as_in_training(live, task):
     check(found)
 
 
+@pytest.mark.slow
 def test_larger_bodies_grow_and_drive_as_in_training(live):
     check(compare(live, "obstacle", valid_robots("obstacle", 9, champions_of("obstacle")), 1, 9))
 

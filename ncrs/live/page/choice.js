@@ -27,7 +27,7 @@ NCRSLive.addChoice = (app) => {
     app.session = session;
     robot.body = app.characters();
     robot.source = "from a file or a link";
-    robot.note = "It came from a file or a link.";
+    robot.note ||= "It came from a file or a link.";
     $("robots").prepend(thumbnail(robot));
     return robot;
   }

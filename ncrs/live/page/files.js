@@ -117,7 +117,8 @@
     if (!(finite(radius) > 0)) refuse("its success radius must be a positive number");
     if (!["exponential", "inverse_square"].includes(score)) refuse("its distance score is unknown");
     return {
-      task, gridSize, genome, title: String(found.title ?? "your genome").slice(0, 80), fitness: finite(found.fitness), success: finite(found.success),
+      task, gridSize, genome, title: String(found.title ?? "your genome").slice(0, 80),
+      note: String(found.note ?? "").slice(0, 200), fitness: finite(found.fitness), success: finite(found.success),
       successRadius: radius, distanceScore: score, isOwn: true,
     };
   };

@@ -12,7 +12,7 @@
     const state = {
       version: 1,
       robot: {
-        title: NCRSReport.robotName(robot), task: world.task, gridSize: world.gridSize,
+        title: NCRSReport.robotName(robot), note: `As in the report, episode ${episode + 1}.`, task: world.task, gridSize: world.gridSize,
         distanceScore: world.distanceScore, successRadius: world.successRadius,
         fitness: robots.fitness[robot], success: robots.success[robot],
         genome: base64(await NCRSReport.genome(robot)),
