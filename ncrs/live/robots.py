@@ -12,6 +12,7 @@ import numpy as np
 from ncrs.automaton.chaser import TASK, chaser_genome
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import nca_of
+from ncrs.live import DEFAULT_ELITES
 from ncrs.runs.assessment import REFERENCE_ENGINE
 from ncrs.runs.champion import CHAMPION_FILE, find_champion
 from ncrs.runs.elites import ARCHIVE_FILE, Elite, EliteArchive, find_archive
@@ -20,8 +21,6 @@ from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.settings import ConfigError
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import BUILT_IN, TaskSettings
-
-DEFAULT_ELITES = 12
 
 
 class LiveError(NCRSError, ValueError):

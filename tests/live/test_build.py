@@ -103,8 +103,8 @@ def test_the_command_writes_a_runs_page_and_a_robots(tmp_path, monkeypatch, caps
     content, _ = read((run / "live.html").read_text())
     assert len(content["robots"]) == 3
     assert "3 robots" in capsys.readouterr().out
-    main(["live", BEST, "--output", "one.html"])
-    content, _ = read((tmp_path / "one.html").read_text())
+    main(["live", BEST, "--output", "one"])
+    content, _ = read((tmp_path / "one" / "live.html").read_text())
     assert [robot["id"] for robot in content["robots"]] == [BEST]
     with pytest.raises(SystemExit, match="2"):
         main(["live", "nowhere"])
