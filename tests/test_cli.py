@@ -50,7 +50,7 @@ def test_each_command_has_a_module_and_help(name, capsys):
     printed = capsys.readouterr().out
     writes = name not in ("champions", "play")
     assert ("--output DIR" in printed) == writes
-    takes_a_robot = name in ("evaluate", "render", "film", "play", "report")
+    takes_a_robot = name in ("evaluate", "render", "film", "play", "live", "report")
     assert ("--measures SENSORS WHEELS CELLS" in printed) == takes_a_robot
 
 

@@ -63,7 +63,6 @@ _RECORDS = (
     layout.Contact,
 )
 """Records that the page makes."""
-_RUNTIME = ("newGrid", "flat", "part")
 
 
 @cache
@@ -77,7 +76,7 @@ def engine_code() -> str:
     names = [program.add(entry).name for entry in ENTRIES]
     names += [program.record(kind) for kind in _RECORDS]
     runtime = (files("ncrs.live") / "page" / "runtime.js").read_text(encoding="utf-8")
-    exported = ", ".join([*names, *_RUNTIME])
+    exported = ", ".join([*names, "newGrid"])
     return (
         f"const {NAME} = (() => {{\n{runtime}\n{program.code()}\nreturn {{ {exported} }};\n}})();\n"
     )

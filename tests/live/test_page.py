@@ -299,6 +299,34 @@ def test_bad_links_are_refused_in_words(live, link):
     assert state(live)["phase"] == "growing"
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "saved.counters.step = '<img src=x onerror=window.hit=1>'",
+        "saved.state = { ...saved.state, x: { odd: 'toString' } }",
+        "saved.state = { ...saved.state, x: { odd: 'NaN' } }",
+        "saved.body[0] = 7",
+        "saved.scenario.walls = [[[0, 0], [1, 0], [1, 1], [0, 1e300]]]",
+        "saved.gridSize = 'constructor'",
+        "saved.brain = saved.brain.slice(4)",
+        "saved.robot = { id: '__proto__' }",
+    ],
+)
+def test_damaged_states_are_refused_in_words(live, damage):
+    grown(live)
+    steps(live, 3)
+    link = live.driver.execute_async_script(f"""
+    const saved = structuredClone({{ ...NCRSLive.snapshot(NCRSLive.app) }}), [done] = arguments;
+    {damage};
+    NCRSLive.encode(saved).then(done);
+    """)
+    live.open(fragment=link)
+    assert live.find("#problem").text.startswith("The link cannot be used: ")
+    assert live.js("return window.hit") is None
+    assert state(live)["phase"] == "growing"
+
+
 def dropped(page, path):
     page.find("#file").send_keys(str(path))
     page.wait(lambda: page.js("return document.getElementById('file').files.length === 0"))

@@ -7,6 +7,7 @@
   const PHASES = ["growing", "driving"];
   const ODD = { NaN, Infinity, "-Infinity": -Infinity };
   const MAX_WALLS = 200;
+  const FARTHEST = 1e4; // a coordinate in units
   const packed = (array) => NCRSLive.base64(new Uint8Array(array.buffer, array.byteOffset, array.byteLength));
   const refuse = (reason) => { throw new Error(`The link cannot be used: ${reason}.`); };
 
@@ -31,7 +32,7 @@
     };
   };
 
-  const isPoint = (value) => Array.isArray(value) && value.length === 2 && value.every(Number.isFinite);
+  const isPoint = (value) => Array.isArray(value) && value.length === 2 && value.every((v) => Math.abs(v) < FARTHEST && typeof v === "number");
   function checkedScenario(value, world) {
     const wanted = world.hasBall ? ["start", "ball", "target"] : ["start", "light"];
     if (!value || !wanted.every((name) => isPoint(value[name]))) refuse("its course lacks a place");
@@ -40,11 +41,12 @@
     if (!Array.isArray(walls) || walls.length > MAX_WALLS || !walls.every(isWall)) refuse("its walls are damaged");
     return { ...Object.fromEntries(wanted.map((name) => [name, value[name]])), walls };
   }
-  // Copy a record's numbers and truths where the types agree.
+  // Copy a record's numbers and truths; distances that nothing has measured yet are infinite.
   function copyRecord(target, source) {
     for (const [name, value] of Object.entries(target)) {
       if (Array.isArray(value)) value.forEach((item, i) => copyRecord(item, source?.[name]?.[i]));
       else if (typeof source?.[name] !== typeof value) refuse("its state is damaged");
+      else if (typeof value === "number" && !Number.isFinite(source[name]) && !name.startsWith("closest")) refuse("its state is damaged");
       else target[name] = source[name];
     }
   }
@@ -58,7 +60,11 @@
     if (cells.length !== places || !cells.every((code) => code === 0 || world.partCodes.includes(code))) refuse("its body is damaged");
     session.grown.data.set(unpacked(saved.grown, Float32Array, session.grown.data.length));
     if (!session.grown.data.every(Number.isFinite) || !PHASES.includes(saved.counters?.phase)) refuse("its state is damaged");
-    for (const name of COUNTERS) session[name] = saved.counters[name];
+    for (const name of COUNTERS) {
+      const value = saved.counters[name];
+      if (name !== "phase" && !(name === "fitness" && value === null) && !Number.isFinite(value)) refuse("its counters are damaged");
+      session[name] = value;
+    }
     if (session.phase === "growing") {
       session.body.data.set(cells);
       return;
@@ -87,7 +93,7 @@
     try {
       const raw = NCRSLive.bytes(fromUrl(found[2]));
       const text = new TextDecoder().decode(found[1] === "z" ? await NCRSLive.inflate(raw) : raw);
-      const saved = JSON.parse(text, (_, value) => (value && typeof value.odd === "string" && value.odd in ODD ? ODD[value.odd] : value));
+      const saved = JSON.parse(text, (_, value) => (value && typeof value.odd === "string" && Object.hasOwn(ODD, value.odd) ? ODD[value.odd] : value));
       if (saved?.version !== VERSION) refuse("it is of another version");
       return saved;
     } catch (error) {

@@ -5,7 +5,7 @@ const NCRSSession = (() => {
   const E = NCRSEngine;
   const EMPTY = 0;
   const many = (count, make) => Array.from({ length: count }, make);
-  const MEASURED = ["ball_x", "ball_y", "ball_vx", "ball_vy", "ball_omega"];
+  const BALL_MOTION = ["ball_vx", "ball_vy", "ball_omega"];
 
   // A session for a world, as ncrs/live/world.py describes it, and a genome of its task.
   function make(world, genome) {
@@ -28,7 +28,7 @@ const NCRSSession = (() => {
       scenario: null, // start, light or ball, target, walls: quads of corners
     };
     let spare = E.seed_lanes(n);
-    const room = () => ({
+    const physics = {
       settings: Object.assign(E.makeSettings(), {
         extent: world.extent, success_radius: world.successRadius,
         inverse_square: world.distanceScore === "inverse_square", has_ball: world.hasBall,
@@ -36,9 +36,7 @@ const NCRSSession = (() => {
       robot: E.makeRobot(), wheels: many(places, E.makeWheel), sensors: many(places, E.makeSensor),
       exposed: many(places, E.makePoint), scenario: E.makeScenario(), quads: [],
       contacts: many(world.contactCapacity, E.makeContact), corners: many(4, E.makePoint),
-    });
-    const physics = room();
-    session.physics = physics;
+    };
 
     function seed() {
       session.grown = E.seed_lanes(n);
@@ -135,7 +133,7 @@ const NCRSSession = (() => {
       return E.grid_center(physics.robot, session.state);
     }
     function moveBall([x, y]) {
-      for (const name of MEASURED) session.state[name] = 0;
+      for (const name of BALL_MOTION) session.state[name] = 0;
       Object.assign(session.state, { ball_x: x, ball_y: y });
     }
     // All channels of all cells, channels first, as the automaton sees them now.
