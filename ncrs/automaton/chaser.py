@@ -17,6 +17,8 @@ TASK = "light_chase"
 BODY = "...../.LWL./WWWWW/...../....."
 GAIN = 150.0
 """Turn per difference of the two light sensors; less turns about slowly, more wavers."""
+FITNESS, SUCCESS, EPISODES = 0.734, 1.0, 1000
+"""Result of ``ncrs.evaluate(chaser_genome(), "light_chase", episodes=1000)``."""
 _IO = "input/output"
 
 

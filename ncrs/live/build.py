@@ -170,7 +170,6 @@ def _entry(live: LiveRobot) -> dict[str, Any]:
         "success": None if math.isnan(live.success) else live.success,
         "episodes": live.episodes,
         "note": live.note,
-        "source": live.source,
         "follows": live.follows,
         "body": body_to_characters(robot.body).replace("\n", ""),
     }

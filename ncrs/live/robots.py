@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ncrs.automaton.chaser import TASK, chaser_genome
+from ncrs.automaton import chaser
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import nca_of
 from ncrs.live import DEFAULT_ELITES
@@ -40,8 +39,6 @@ class LiveRobot:
     """Number of episodes behind both; 0 if unknown."""
     note: str
     """A sentence about where it comes from."""
-    source: str = ""
-    """Two or three words in place of an unknown success."""
     follows: bool = False
     """True if it drives on for as long as it is led; champions were chosen for short episodes."""
 
@@ -56,17 +53,17 @@ def live_robot(robot: EvolvedRobot) -> LiveRobot:
     if isinstance(robot, Elite):
         note = f"An elite, found in generation {robot.generation:,}."
         return LiveRobot(robot, robot.fitness, robot.success, robot.episodes, note)
-    return LiveRobot(robot, robot.fitness, robot.success, 0, "", source="untested")
+    return LiveRobot(robot, robot.fitness, robot.success, 0, "")
 
 
 def robot_by_hand() -> LiveRobot:
     """Make the chaser, which grows its body and follows the light for as long as that is moved."""
-    genome = chaser_genome()
-    task = TaskSettings(TASK)
-    body = grow(nca_of(genome, TASK), task.grid_size)
-    robot = EvolvedRobot(genome, body, task, math.nan, math.nan, name="by_hand/chaser")
+    genome, task = chaser.chaser_genome(), TaskSettings(chaser.TASK)
+    body = grow(nca_of(genome, task.name), task.grid_size)
+    fitness, success = chaser.FITNESS, chaser.SUCCESS
+    robot = EvolvedRobot(genome, body, task, fitness, success, name="by_hand/chaser")
     note = "Its weights were wired by hand: it turns towards the light for as long as you lead it."
-    return LiveRobot(robot, math.nan, math.nan, 0, note, source="wired by hand", follows=True)
+    return LiveRobot(robot, fitness, success, chaser.EPISODES, note, follows=True)
 
 
 def published_robots() -> list[LiveRobot]:

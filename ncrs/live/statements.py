@@ -23,7 +23,7 @@ class FunctionTranslator(Expressions):
     def __init__(self, program: Program, source: Source, types: Sequence[Type]) -> None:
         super().__init__(program, source)
         self.result: Type = NONE
-        self._returns: list[Type] = []
+        self._returned: Type | None = None
         self._lines: list[str] = []
         self._depth = 1
         self._declared: list[str] = []
@@ -39,8 +39,8 @@ class FunctionTranslator(Expressions):
     def translate(self, name: str) -> str:
         """Return the function in JavaScript under a name."""
         self._block(self.source.tree.body)
-        if self._returns:
-            self.result = self._returns[0]
+        if self._returned is not None:
+            self.result = self._returned
         head = ", ".join(safe_name(parameter) for parameter in self._parameters)
         declared = [f"{_INDENT}let {', '.join(self._declared)};"] if self._declared else []
         return "\n".join([f"function {name}({head}) {{", *declared, *self._lines, "}"])
@@ -135,6 +135,7 @@ class FunctionTranslator(Expressions):
         self._indented(node.body)
         self._loops.pop()
         self._write("}")
+        del self.locals[name]
         if before is not None:
             self.locals[name] = before
         self.lost.add(name)
@@ -144,9 +145,10 @@ class FunctionTranslator(Expressions):
             self._write("return;")
             return
         code = self.expression(node.value)
-        if self._returns and joined(self._returns[0], code.type) is None:
-            raise self.refuse(node, f"it returns {code.type}, elsewhere {self._returns[0]}")
-        self._returns.append(code.type)
+        made = code.type if self._returned is None else joined(self._returned, code.type)
+        if made is None:
+            raise self.refuse(node, f"it returns {code.type}, elsewhere {self._returned}")
+        self._returned = made
         self._write(f"return {code.text};")
 
     def _on_break(self, node: ast.Break) -> None:
@@ -209,8 +211,6 @@ class FunctionTranslator(Expressions):
             if both is None or (both != known and self._depth > 1):
                 raise self.refuse(target, f"{name} is {known} before, {made} here")
             self.locals[name] = both
-        if name in self.lost and known is None:
-            self._declared.append(safe_name(name))
         self.lost.discard(name)
         return safe_name(name)
 

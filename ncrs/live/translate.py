@@ -7,8 +7,8 @@ values are left alone, and an index of two axes is an offset. What is not known 
 file, line and column. A function is translated once, for the types of the first call that is met.
 
 Constants of modules become numbers; numba's own loops and tests of names are not imitated. Three
-habits of the kernels are relied upon, not checked: indices are not negative, arrays that were
-sliced are not resized, and integers stay below 2**53.
+habits of the kernels are relied upon, not checked: indices are not negative, integers stay below
+2**53, and those in arrays below 2**31.
 """
 
 from __future__ import annotations

@@ -70,6 +70,19 @@ def loops(n: int) -> int:
     return found
 
 
+def reused(n: int) -> float:
+    total = 0
+    for i in range(n):
+        total += i
+    if total > 100:
+        return 0
+    i = 0.5
+    for k in range(2):
+        i += k
+    k = 3
+    return total + i * k
+
+
 def moved(point: Point, points: NDArray[Point]) -> float:
     for i in range(len(points[1:])):
         other: Point = points[1:][i]

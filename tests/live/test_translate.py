@@ -25,6 +25,8 @@ _CALLS = [
     (samples.named, (samples.Pair(-2.0, -3.5),)),
     (samples.filled, (4,)),
     (samples.loops, (9,)),
+    (samples.reused, (5,)),
+    (samples.reused, (50,)),
 ]
 
 

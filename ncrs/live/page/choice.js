@@ -8,7 +8,7 @@ NCRSLive.addChoice = (app) => {
   function thumbnail(robot) {
     const canvas = element("canvas", { "aria-hidden": "true" });
     const world = app.content.worlds[robot.task][robot.gridSize];
-    const known = Number.isFinite(robot.success) ? `${NCRSLive.percent(robot.success)} success` : robot.source;
+    const known = Number.isFinite(robot.success) ? `${NCRSLive.percent(robot.success)} success` : "untested";
     const button = element("button", { type: "button", role: "radio", "data-id": robot.id ?? "", onclick: () => app.show(robot) },
       canvas, element("b", {}, robot.title), element("span", {}, `${world.title}, ${known}`));
     button.robot = robot;
@@ -26,7 +26,6 @@ NCRSLive.addChoice = (app) => {
     while (!session.grow());
     app.session = session;
     robot.body = app.characters();
-    robot.source = "from a file or a link";
     robot.note ||= "It came from a file or a link.";
     $("robots").prepend(thumbnail(robot));
     return robot;
