@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from benchmarks.browser import resize, start_chromium
@@ -21,8 +23,12 @@ from ncrs.live.build import write_page
 from ncrs.live.robots import robot_by_hand
 
 FRAMES_PER_SECOND = 12.5
-COLORS = 160
-"""Number of colours of the film."""
+COLORS = 200
+"""Maximum number of colours of the film."""
+_APART = 9
+"""Minimum difference between two of them, in the channel in which they differ most."""
+_SAMPLE = 20
+"""Distance in frames between those whose colours are counted."""
 PAGE = (1120, 700)
 """Size of the page in pixels."""
 WIDTH = 800
@@ -149,12 +155,24 @@ def record(driver: Any, page: Path) -> list[Image.Image]:
     return film.frames
 
 
+def palette_of(frames: list[Image.Image]) -> Image.Image:
+    """Choose the colours of a film: the most frequent ones that differ enough from each other."""
+    pixels = np.concatenate([np.asarray(frame).reshape(-1, 3) for frame in frames[::_SAMPLE]])
+    colors, counts = np.unique(pixels, axis=0, return_counts=True)
+    chosen: list[NDArray[np.int64]] = []
+    for color in colors[np.argsort(-counts)].astype(np.int64):
+        if len(chosen) == COLORS:
+            break
+        if not chosen or np.abs(np.array(chosen) - color).max(axis=1).min() >= _APART:
+            chosen.append(color)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.array(chosen, dtype=np.uint8).tobytes())
+    return palette
+
+
 def save(frames: list[Image.Image], path: Path) -> None:
-    """Write frames as an animated GIF, all in the colours of the first and the middle one."""
-    sample = Image.new("RGB", (frames[0].width, 2 * frames[0].height))
-    sample.paste(frames[0])
-    sample.paste(frames[len(frames) // 2], (0, frames[0].height))
-    palette = sample.quantize(COLORS, Image.Quantize.MAXCOVERAGE)
+    """Write frames as an animated GIF."""
+    palette = palette_of(frames)
     reduced = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     duration = round(1000 / FRAMES_PER_SECOND)
     reduced[0].save(path, save_all=True, append_images=reduced[1:], duration=duration, loop=0)
