@@ -15,9 +15,9 @@ from ncrs.live import DEFAULT_ELITES
 from ncrs.runs.assessment import REFERENCE_ENGINE
 from ncrs.runs.champion import CHAMPION_FILE, find_champion
 from ncrs.runs.elites import ARCHIVE_FILE, Elite, EliteArchive, find_archive
+from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.published import PublishedChampion, champions, load_champion
 from ncrs.runs.robot import EvolvedRobot
-from ncrs.runs.settings import ConfigError
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import BUILT_IN, TaskSettings
 
