@@ -14,7 +14,7 @@ import ncrs
 from ncrs.cli import main
 from ncrs.live.build import GRID_SIZES, page_text
 from ncrs.live.robots import LiveError, live_robot, published_robots, run_robots
-from ncrs.runs.settings import ConfigError
+from ncrs.runs.engine_settings import ConfigError
 from tests.report.conftest import make_run
 
 BEST = "light_chase/best"
