@@ -152,8 +152,9 @@ def test_playing_scrubbing_and_growth(page):
     growth = page.find(".growth-step")
     growth.send_keys(Keys.HOME)
     assert page.find(".growth output").text == "seed"
-    page.click(page.find(".growth button"))
-    page.wait(lambda: page.find(".growth output").text == "step 2 of 10")
+    grow = page.find(".growth button")
+    page.click(grow)
+    page.wait(lambda: grow.text == "Grow" and page.find(".growth output").text == "step 10 of 10")
 
 
 def test_shown_numbers_of_an_episode_are_those_recorded(page, report, read_data, archive):

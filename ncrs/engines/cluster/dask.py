@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from time import monotonic, sleep
 from typing import Any
 
 import dask
@@ -16,6 +18,8 @@ from ncrs.engines.cluster.sharded import ShardedEngine, WorkerOptions
 from ncrs_envs.tasks import TaskSettings
 
 _CONNECT_S = 30
+_WRITE_S = 5.0
+_POLL_S = 0.05
 
 
 class DaskEngine(ShardedEngine):
@@ -70,12 +74,33 @@ class DaskEngine(ShardedEngine):
 def _client(scheduler: str) -> Client:
     """Connect to a scheduler."""
     is_file = "://" not in scheduler and Path(scheduler).is_file()
-    place = {"scheduler_file": scheduler} if is_file else {"address": scheduler}
     try:
-        return Client(**place, timeout=_CONNECT_S, set_as_default=False, name="ncrs")
+        address = address_in(Path(scheduler)) if is_file else scheduler
+        return Client(address, timeout=_CONNECT_S, set_as_default=False, name="ncrs")
     except (OSError, ValueError) as error:
         raise EngineSettingError(
             f"No Dask scheduler answers at {scheduler} ({error}). engine.scheduler must be an "
             "address such as tcp://HOST:8786, or the path of a file that dask scheduler "
             "--scheduler-file has written."
         ) from error
+
+
+def address_in(file: Path, limit_s: float = _WRITE_S) -> str:
+    """Read the scheduler's address from a scheduler file, which may just be being written.
+
+    Args:
+        file: Path of the file.
+        limit_s: Time to wait for a whole file, in seconds.
+
+    Raises:
+        ValueError: The file holds no address.
+        OSError: The file cannot be read.
+    """
+    deadline = monotonic() + limit_s
+    while True:
+        try:
+            return str(json.loads(file.read_text(encoding="utf-8"))["address"])
+        except (ValueError, KeyError, TypeError) as error:
+            if monotonic() > deadline:
+                raise ValueError(f"{file.name} holds no address of a scheduler") from error
+            sleep(_POLL_S)

@@ -11,6 +11,8 @@ from pathlib import Path
 
 from distributed import Client
 
+from ncrs.engines.cluster.dask import address_in
+
 ROOT = Path(__file__).parents[3]
 
 
@@ -56,6 +58,7 @@ class Processes:
         Path(self.scheduler_file).unlink(missing_ok=True)
         self.scheduler = self._fork(kind="scheduler")
         wait_for(Path(self.scheduler_file).exists)
+        address_in(Path(self.scheduler_file), limit_s=60.0)
 
     def add_worker(self, harm=None):
         """Start a worker; return its process id."""

@@ -178,6 +178,15 @@ def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
         make_engine("dask", SETTINGS, scheduler="no/such.json")
 
 
+def test_a_scheduler_file_may_just_be_being_written(tmp_path):
+    file = tmp_path / "scheduler.json"
+    file.write_text("")
+    with pytest.raises(ValueError, match=r"scheduler\.json holds no address of a scheduler"):
+        dask.address_in(file, limit_s=0.1)
+    threading.Timer(0.2, file.write_text, ['{"address": "tcp://127.0.0.1:9"}']).start()
+    assert dask.address_in(file) == "tcp://127.0.0.1:9"
+
+
 @pytest.mark.slow
 def test_a_stopped_workers_shards_are_taken_over(workers, joined, population, check):
     first, _ = workers(2, "slowness")
