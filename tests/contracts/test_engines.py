@@ -39,7 +39,14 @@ def cluster():
         yield made.scheduler_address
 
 
-@pytest.fixture(params=sorted(ENGINES))
+# What travels and is gathered is the same code for both engines of a cluster.
+ENGINE_PARAMETERS = [
+    pytest.param(name, marks=pytest.mark.slow) if name == FUTURES_ENGINE else name
+    for name in sorted(ENGINES)
+]
+
+
+@pytest.fixture(params=ENGINE_PARAMETERS)
 def engine(request, monkeypatch):
     if request.param == CUDA_ENGINE and not has_gpu():
         pytest.skip("needs a GPU and numba-cuda; tests/engines/cuda runs the kernels without one")

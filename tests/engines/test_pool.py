@@ -78,6 +78,7 @@ def test_a_stopped_worker_is_replaced_and_its_job_done_again(pool, tmp_path):
     assert pool.map(abs, [-1, -2, -3], list("abc"), never) == [1, 2, 3]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no process can be stopped here")
 def test_a_job_that_stops_two_workers_is_an_error_that_names_it(pool):
     with (
@@ -171,6 +172,7 @@ def test_the_engine_names_the_genome_of_a_killed_worker(full_genome):
         assert np.isfinite(engine.evaluate(vectors[:2], scenarios[:1]).fitness).all()
 
 
+@pytest.mark.slow
 def test_a_script_without_a_main_guard_can_use_workers(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(

@@ -121,7 +121,7 @@ train(dataclasses.replace(load_config(Path(folder)), resume=folder), folder)
 @pytest.mark.parametrize(
     ("name", "where", "calls"),
     [
-        ("cma_me", "tell", 5),
+        pytest.param("cma_me", "tell", 5, marks=pytest.mark.slow),
         pytest.param("cma_me", "checkpoint", 2, marks=pytest.mark.slow),
         pytest.param("cma_mae", "checkpoint", 1, marks=pytest.mark.slow),
         ("map_elites", "tell", 3),

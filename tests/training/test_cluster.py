@@ -120,7 +120,7 @@ def test_a_run_survives_the_loss_of_all_workers_but_one(
     train(tmp_path / "run", engine=engine_of(processes), callback=kill, **SETTINGS)
     np.testing.assert_equal(final_state(tmp_path / "run"), undisturbed)
     printed = capfd.readouterr().err
-    assert "ncrs: workers: 4, on 1 computers, with 4 threads; they evaluate with batched" in printed
+    assert "ncrs: workers: 4; computers: 1; threads: 4; engine: batched" in printed
     for left in (3, 2, 1):
         assert f"left; workers: {left}" in printed
 

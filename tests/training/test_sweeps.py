@@ -53,6 +53,7 @@ def table(folder):
     return json.loads((folder / "results.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_sweep_goes_on_after_failures_and_skips_what_has_finished(launched, tmp_path):
     def again_in(folder, *arguments):
         return launched("-m", f"hydra.sweep.dir={folder}", *arguments)

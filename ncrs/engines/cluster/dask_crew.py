@@ -93,9 +93,8 @@ class DaskCrew(Crew):
             sleep(_LOOK_S / 5)
         facts = self._admitted()
         notice(
-            f"workers: {len(facts)}, on {len({each.host for each in facts})} computers, with "
-            f"{sum(each.threads for each in facts)} threads; they evaluate with "
-            f"{self._admission.engine}"
+            f"workers: {len(facts)}; computers: {len({each.host for each in facts})}; threads: "
+            f"{sum(each.threads for each in facts)}; engine: {self._admission.engine}"
         )
 
     def _admitted(self) -> list[WorkerFacts]:

@@ -57,6 +57,7 @@ def test_a_pool_that_lost_a_worker_is_made_again(population, check):
         assert engine.metrics()["workers/checked"] >= 1
 
 
+@pytest.mark.slow
 def test_a_pool_that_is_always_broken_is_an_error(population, monkeypatch):
     def die(shard):
         os._exit(1)

@@ -49,6 +49,7 @@ def _run(directory: Path) -> list[str]:
     return _finished(directory).stdout.split()
 
 
+@pytest.mark.slow
 def test_a_constant_that_changes_in_another_file_is_noticed(sources):
     assert _run(sources) == ["6.0", "Counter()"]
     value, *hits = _run(sources)
