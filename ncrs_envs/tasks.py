@@ -115,8 +115,17 @@ class Task:
 
     @property
     def needs_box2d(self) -> bool:
-        """True if its reward or condition of success is a function, which no kernel can call."""
-        return self.reward is not None or self.succeeds is not None
+        """True if only Box2D can run it."""
+        return self.not_compiled is not None
+
+    @property
+    def not_compiled(self) -> str | None:
+        """What only Box2D can run of it, to follow the task's name; None if there is nothing."""
+        if self.reward is not None or self.succeeds is not None:
+            return "has its own reward or condition of success"
+        if self.has_ball and self.has_walls:
+            return "has a ball and walls, which touch each other"
+        return None
 
     @property
     def title(self) -> str:

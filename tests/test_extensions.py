@@ -109,7 +109,7 @@ def registered(monkeypatch):
     def register(**changes):
         monkeypatch.setattr(TASKS, "_entries", dict(TASKS._entries))
         values = {"has_light": True, **changes}
-        task = Task("lab", "Lab-v0", 20.0, PARTS, **values)
+        task = Task("lab", "Lab-v0", 20.0, **{"required_parts": PARTS, **values})
         ncrs_envs.register_task(task)
         return task
 
@@ -155,6 +155,15 @@ def test_a_reward_that_is_not_finite_is_an_error(registered):
     env.reset(seed=0)
     with pytest.raises(TaskError, match=r"reward of lab must be finite, got nan"):
         env.step(env.action_space.sample())
+
+
+def test_a_ball_among_walls_is_box2ds(registered):
+    parts = ((Cell.LIGHT_SENSOR, 1), (Cell.TARGET_SENSOR, 1), (Cell.WHEEL, 2))
+    registered(required_parts=parts, has_light=False, has_ball=True, has_walls=True)
+    with pytest.raises(TaskError, match=r"lab has a ball and walls, .* only Box2D runs"):
+        gymnasium.make_vec("Lab-v0", num_envs=2)
+    with pytest.raises(EngineSettingError, match=r"lab has a ball and walls, .* engine box2d"):
+        ncrs.evaluate(np.zeros(4873), "lab", engine="batched")
 
 
 def test_placements_are_checked(registered):

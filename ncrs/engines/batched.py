@@ -108,8 +108,8 @@ def check_compiled_rules(settings: TaskSettings) -> None:
     """Raise ``EngineSettingError`` if a task has rules that are not compiled."""
     if settings.task.needs_box2d:
         raise EngineSettingError(
-            f"{settings.name} has its own reward or condition of success, which only Box2D "
-            "runs: choose the engine box2d."
+            f"{settings.name} {settings.task.not_compiled}, which only Box2D runs: choose the "
+            "engine box2d."
         )
 
 

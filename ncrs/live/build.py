@@ -144,8 +144,8 @@ def _settings(robots: Sequence[LiveRobot]) -> list[TaskSettings]:
     for name, task in tasks.items():
         if task.task.needs_box2d:
             raise LiveError(
-                f"{name} has its own reward or condition of success, which a page cannot run; use "
-                "ncrs film or ncrs play."
+                f"{name} {task.task.not_compiled}, which a page cannot run; use ncrs film or ncrs "
+                "play."
             )
     for known in BUILT_IN:
         tasks.setdefault(known.name, TaskSettings(known.name))

@@ -164,8 +164,8 @@ def _write_report(
 ) -> Report:
     if subject.robots.task.task.needs_box2d:
         raise ReportError(
-            f"{subject.robots.task.name} has its own reward or condition of success, which a "
-            "report cannot show; use ncrs film or ncrs render."
+            f"{subject.robots.task.name} {subject.robots.task.task.not_compiled}, which a report "
+            "cannot show; use ncrs film or ncrs render."
         )
     check_folder(target)  # before robots are recorded, which takes long
     robots, curves = subject.robots, subject.curves

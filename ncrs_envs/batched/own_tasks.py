@@ -17,7 +17,7 @@ def make_task_vector_env(task: str, **arguments: Any) -> RobotVectorEnv:
     found = get_task(task)
     if found.needs_box2d:
         raise TaskError(
-            f"{found.name} has its own reward or condition of success, which only Box2D runs: use "
+            f"{found.name} {found.not_compiled}, which only Box2D runs: use "
             f"gymnasium.make_vec({found.env_id!r}, vectorization_mode='sync')."
         )
     made: type[RobotVectorEnv] = type(f"{found.title}VectorEnv", (RobotVectorEnv,), {"task": found})
