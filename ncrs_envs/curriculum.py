@@ -101,9 +101,7 @@ def register_curriculum(name: str, ease: EaseFunction) -> None:
 
 def check_curriculum(name: Any) -> str:
     """Return ``name`` if it is a curriculum, else raise ``ScenarioError``."""
-    if name not in CURRICULA:
-        raise ScenarioError(f"curriculum must be one of {list(CURRICULA)}, got {name!r}.")
-    return str(name)
+    return CURRICULA.check(name, "curriculum", ScenarioError)
 
 
 def eased(

@@ -53,9 +53,7 @@ def register_sampling(name: str, sample: SampleFunction) -> None:
 
 def check_sampling(kind: Any) -> str:
     """Return ``kind`` if it is a sampling, else raise ``ScenarioError``."""
-    if kind not in SAMPLINGS:
-        raise ScenarioError(f"scenarios must be one of {list(SAMPLINGS)}, got {kind!r}.")
-    return str(kind)
+    return SAMPLINGS.check(kind, "scenarios", ScenarioError)
 
 
 def check_mirroring(kind: Any) -> Mirroring:

@@ -11,7 +11,7 @@ import importlib
 import os
 from collections.abc import Iterator, Mapping
 from importlib import metadata
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ncrs_envs.errors import NCRSError
 
@@ -54,6 +54,21 @@ class Registry(Mapping[str, _Entry]):
                 f"{', '.join(self._entries)}."
             )
         self._entries[name] = entry
+
+    def check(self, name: Any, setting: str, error: type[NCRSError]) -> str:
+        """Return ``name`` if it is known.
+
+        Args:
+            name: Name to check.
+            setting: Name of the setting that has it, for the message.
+            error: Class of the error to raise.
+
+        Raises:
+            NCRSError: If it is unknown, as ``error``.
+        """
+        if name not in self:
+            raise error(f"{setting} must be one of {list(self)}, got {name!r}.")
+        return str(name)
 
     def __getitem__(self, name: str) -> _Entry:
         if name not in self._entries:

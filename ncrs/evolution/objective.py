@@ -62,9 +62,7 @@ def register_objective(name: str, function: ObjectiveFunction) -> None:
 
 def check_objective(name: Any) -> str:
     """Return ``name`` if it is an objective, else raise ``ObjectiveError``."""
-    if name not in OBJECTIVES:
-        raise ObjectiveError(f"objective must be one of {list(OBJECTIVES)}, got {name!r}.")
-    return str(name)
+    return OBJECTIVES.check(name, "objective", ObjectiveError)
 
 
 @dataclass(frozen=True)
