@@ -16,10 +16,8 @@ from ncrs.engines.cluster import dask
 from ncrs.engines.pool import WorkerWarning
 from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import LIGHT_CHASE, TASKS, Task, TaskSettings
+from tests.engines.cluster.conftest import SCENARIOS, SETTINGS
 from tests.engines.cluster.processes import Processes, Zygote, wait_for
-
-SETTINGS = TaskSettings("light_chase")
-SCENARIOS = sample_scenarios("light_chase", 0, 2)
 
 
 @pytest.fixture(scope="module")
@@ -51,19 +49,6 @@ def workers(processes):
 @pytest.fixture
 def population(genomes):
     return genomes(60)
-
-
-@pytest.fixture
-def check(population):
-    """Compares an evaluation with the batched engine's, bit by bit."""
-    with make_engine("batched", SETTINGS) as engine:
-        expected = engine.evaluate(population, SCENARIOS)
-
-    def compare(result):
-        for name, value in vars(expected).items():
-            np.testing.assert_array_equal(getattr(result, name), value, err_msg=name)
-
-    return compare
 
 
 @pytest.fixture

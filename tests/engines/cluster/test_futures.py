@@ -15,30 +15,14 @@ import pytest
 from ncrs.engines.base import EngineError, EngineSettingError, make_engine
 from ncrs.engines.cluster import station
 from ncrs.engines.cluster.futures import FuturesEngine
-from ncrs_envs.scenario import sample_scenarios
-from ncrs_envs.tasks import TaskSettings
+from tests.engines.cluster.conftest import SCENARIOS, SETTINGS
 
 ROOT = Path(__file__).parents[3]
-SETTINGS = TaskSettings("light_chase")
-SCENARIOS = sample_scenarios("light_chase", 0, 2)
 
 
 @pytest.fixture
 def population(genomes):
     return genomes(40)
-
-
-@pytest.fixture
-def check(population):
-    """Compares an evaluation with the batched engine's, bit by bit."""
-    with make_engine("batched", SETTINGS) as engine:
-        expected = engine.evaluate(population, SCENARIOS)
-
-    def compare(result):
-        for name, value in vars(expected).items():
-            np.testing.assert_array_equal(getattr(result, name), value, err_msg=name)
-
-    return compare
 
 
 def forked_pool(max_workers):
