@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.channels import NCALayout
+from ncrs_envs.bodies import check_bodies
 from ncrs_envs.body import body_measures
 from ncrs_envs.cores import available_cores
 from ncrs_envs.errors import NCRSError
@@ -30,6 +31,9 @@ ScenarioRows = Sequence[Sequence[Scenario]]
 """One row of E scenarios for all genomes, or one row per genome."""
 
 StopCheck = Callable[[], bool]
+
+GivenBodies = NDArray[np.int8] | None
+"""A body for each genome, ``(P, n, n)``, instead of the one it grows; None to grow them."""
 
 INVALID_MEASURES = -1
 """Value of all measures of a body that is not valid."""
@@ -117,6 +121,7 @@ class Engine(ABC):
         genomes: Any,
         scenarios: Sequence[Scenario] | ScenarioRows,
         should_stop: StopCheck | None = None,
+        bodies: Any = None,
     ) -> Evaluation:
         """Grow each genome's robot and drive it through its scenarios.
 
@@ -124,26 +129,31 @@ class Engine(ABC):
             genomes: Finite real numbers, shape ``(P, num_parameters)``.
             scenarios: One row of E scenarios for all genomes, or P rows of E.
             should_stop: Function that is polled now and then; True ends the evaluation.
+            bodies: Bodies to drive instead of grown ones: a valid body for all genomes, or one for
+                each, in any form that ``parse_body`` reads.
 
         Raises:
             GenomeError: The genomes have the wrong shape, or values that are not finite.
+            BodyError: A given body is malformed, or the task cannot use it.
             ScenarioError: There are no scenarios, their rows differ in length, or one does not
                 fit the task.
             EngineError: A worker was lost.
             EvaluationInterrupted: ``should_stop`` returned True.
         """
-        return self._evaluation(self.roll_out(genomes, scenarios, should_stop))
+        return self._evaluation(self.roll_out(genomes, scenarios, should_stop, bodies))
 
     def roll_out(
         self,
         genomes: Any,
         scenarios: Sequence[Scenario] | ScenarioRows,
         should_stop: StopCheck | None = None,
+        bodies: Any = None,
     ) -> RolloutResult:
         """Return what ``evaluate`` makes its results from; arguments and errors are the same."""
         checked = self.layout.check_genomes(genomes)
         rows = self._check_scenarios(scenarios, len(checked))
-        return self._rollout(checked, rows, should_stop or (lambda: False))
+        given = self._check_bodies(bodies, len(checked))
+        return self._rollout(checked, rows, should_stop or (lambda: False), given)
 
     def metrics(self) -> dict[str, float]:
         """Return the values of this engine's own curves; none for most engines."""
@@ -151,7 +161,11 @@ class Engine(ABC):
 
     @abstractmethod
     def _rollout(
-        self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
+        self,
+        genomes: NDArray[np.float32],
+        rows: ScenarioRows,
+        should_stop: StopCheck,
+        bodies: GivenBodies,
     ) -> RolloutResult:
         """Roll out checked genomes; ``rows`` has one row, or one per genome."""
 
@@ -208,6 +222,13 @@ class Engine(ABC):
             for scenario in row:
                 scenario.check(self.settings.task, self.settings.grid_size)
         return checked
+
+    def _check_bodies(self, bodies: Any, population: int) -> GivenBodies:
+        if bodies is None:
+            return None
+        task, n = self.settings.task, self.settings.grid_size
+        checked = check_bodies(bodies, task, n, np.ones(population, dtype=np.bool_), "genome")
+        return np.array(np.broadcast_to(checked, (population, n, n)))
 
     def close(self) -> None:  # noqa: B027 - most engines hold nothing
         """Release workers; a further evaluation starts new ones."""

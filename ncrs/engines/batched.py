@@ -13,6 +13,7 @@ from ncrs.engines.base import (
     Engine,
     EngineSettingError,
     EvaluationInterrupted,
+    GivenBodies,
     RolloutResult,
     ScenarioRows,
     StopCheck,
@@ -48,14 +49,20 @@ class BatchedEngine(Engine):
         super().__init__(settings, workers)
 
     def _rollout(
-        self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
+        self,
+        genomes: NDArray[np.float32],
+        rows: ScenarioRows,
+        should_stop: StopCheck,
+        bodies: GivenBodies,
     ) -> RolloutResult:
         settings = self.settings
         population, episodes, n = len(genomes), len(rows[0]), settings.grid_size
         growth, control = pack_genomes(genomes, self.layout)
         part_codes = np.array(self.layout.part_codes, dtype=np.int8)
+        shape = (population, n, n)
         grown = Grown(
-            np.zeros((population, n, n), dtype=np.int8), np.ones(population, dtype=np.bool_)
+            np.zeros(shape, dtype=np.int8) if bodies is None else bodies,
+            np.ones(population, dtype=np.bool_),
         )
         outcomes = make_outcomes(population, episodes, settings.task.distances)
         rollout = Rollout(
@@ -76,7 +83,8 @@ class BatchedEngine(Engine):
 
         for kernel in (grow, roll_out):
             kernel(np.arange(0))  # no genomes: compiles, or loads from disk
-        self._spread(grow, np.arange(population), _GROWTH_CHUNK, should_stop)
+        if bodies is None:
+            self._spread(grow, np.arange(population), _GROWTH_CHUNK, should_stop)
         valid = np.flatnonzero(settings.task.is_valid(grown.bodies))
         self._spread(roll_out, valid, 1, should_stop)
         return RolloutResult(grown.bodies, *outcomes, grown=grown.finite)

@@ -15,6 +15,7 @@ from ncrs.automaton.torch_settings import one_torch_thread
 from ncrs.engines.base import (
     Engine,
     EvaluationInterrupted,
+    GivenBodies,
     RolloutResult,
     ScenarioRows,
     StopCheck,
@@ -37,6 +38,8 @@ class _Job:
     genome: NDArray[np.float32]
     settings: TaskSettings
     scenarios: Sequence[Scenario]
+    body: BodyGrid | None
+    """Body to drive instead of the one that the genome grows."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,7 @@ def evaluate_genome(job: _Job) -> _GenomeResult:
     """Grow one genome's robot and drive it through its scenarios, all episodes in step."""
     with one_torch_thread():
         nca = nca_of(job.genome, job.settings.task)
-        body = grow(nca, job.settings.grid_size)
+        body = grow(nca, job.settings.grid_size) if job.body is None else job.body
         if not job.settings.task.is_valid(body):
             number = len(job.scenarios)
             nothing = np.zeros(number, dtype=np.bool_)
@@ -121,10 +124,19 @@ class Box2DEngine(Engine):
         return self._pool.pids
 
     def _rollout(
-        self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
+        self,
+        genomes: NDArray[np.float32],
+        rows: ScenarioRows,
+        should_stop: StopCheck,
+        bodies: GivenBodies,
     ) -> RolloutResult:
         jobs = [
-            _Job(genome, self.settings, rows[index % len(rows)])
+            _Job(
+                genome,
+                self.settings,
+                rows[index % len(rows)],
+                None if bodies is None else bodies[index],
+            )
             for index, genome in enumerate(genomes)
         ]
         if self.workers == 1:

@@ -35,6 +35,7 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
     grid_size: int = DEFAULT_GRID_SIZE,
     distance_score: str = "exponential",
     success_radius: float | None = None,
+    bodies: Any = None,
 ) -> Evaluation:
     """Grow each genome's robot and drive it through a set of scenarios.
 
@@ -52,6 +53,8 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
         grid_size: Side n of the body grid.
         distance_score: Distance score, "exponential" or "inverse_square".
         success_radius: Success radius in units; None for the task's own.
+        bodies: Bodies to drive instead of grown ones: a body for all genomes, or one for each, in
+            any form that ``parse_body`` reads.
 
     Returns:
         Arrays over genomes and episodes, see ``Evaluation``. Invalid bodies are not simulated and
@@ -71,4 +74,4 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
     if workers is None and len(checked) < _WORTH_WORKERS and engine == "box2d":
         workers = 1
     with make_engine(engine, settings, workers) as running:
-        return running.evaluate(checked, scenarios)
+        return running.evaluate(checked, scenarios, bodies=bodies)

@@ -25,16 +25,15 @@ from ncrs_envs.batched.scenario_table import Indices
 from ncrs_envs.batched.vector_options import (
     batch_info,
     check_autoreset_mode,
-    check_bodies,
     check_count,
     check_mask,
     check_regions,
     check_scenarios,
     check_seeds,
     check_step_limit,
-    grid_side,
     without_mask,
 )
+from ncrs_envs.bodies import check_bodies, grid_side
 from ncrs_envs.body import BodyGrid, sensor_mask, wheel_mask
 from ncrs_envs.interface import OptionError, check_action, check_flag, check_options
 from ncrs_envs.physics import DT

@@ -19,7 +19,7 @@ from ncrs.engines.base import (
 )
 from ncrs.engines.cluster import futures
 from ncrs.engines.evaluate import evaluate
-from ncrs_envs.body import body_measures
+from ncrs_envs.body import BodyError, body_measures
 from ncrs_envs.scenario import Scenario, ScenarioError, sample_scenarios
 from ncrs_envs.tasks import TASKS, TaskError, TaskSettings
 
@@ -213,6 +213,31 @@ def test_the_closest_approach(engine, full_genome):
     ).closest[0, :, 0]
     assert distances[1] <= 20.1
     assert distances[0] <= 30.1
+
+
+def test_given_bodies_are_driven_as_grown_ones(engine, genomes, full_genome):
+    """A genome with its own body drives as it does with that body grown."""
+    vectors = np.concatenate([genomes(3), full_genome[None]])
+    grown = evaluate(full_genome, "light_chase", engine=engine, episodes=2)
+    full, other = grown.bodies[0], "L...L/WWWWW/WWWWW/..#../....."
+    result = evaluate(
+        vectors, "light_chase", engine=engine, episodes=2, bodies=[full, other, other, full]
+    )
+    assert result.valid.all()
+    np.testing.assert_array_equal(result.bodies[[0, 3]], np.stack([full, full]))
+    assert result.measures[1].tolist() == [2, 10, 13]
+    np.testing.assert_array_equal(result.episode_fitness[3], grown.episode_fitness[0])
+    one = evaluate(vectors, "light_chase", engine=engine, episodes=2, bodies=full)
+    np.testing.assert_array_equal(one.episode_fitness[[0, 3]], result.episode_fitness[[0, 3]])
+    with pytest.raises(BodyError, match=r"Genome 2: A body .* 1 light sensor"):
+        evaluate(
+            vectors,
+            "light_chase",
+            engine=engine,
+            bodies=[full, other, other.replace("L", "#"), full],
+        )
+    with pytest.raises(BodyError, match="each of 4 genomes"):
+        evaluate(vectors, "light_chase", engine=engine, bodies=[full, other])
 
 
 def test_bad_input_is_refused_before_anything_runs(engine, genomes, full_genome):

@@ -9,7 +9,7 @@ import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.engines.base import EngineSettingError, RolloutResult, ScenarioRows
+from ncrs.engines.base import EngineSettingError, GivenBodies, RolloutResult, ScenarioRows
 from ncrs_envs.drawing import ScenarioRecipe, SeededScenarios
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import BUILT_IN, Task, TaskSettings
@@ -102,6 +102,7 @@ class Shard:
     setup: Setup
     not_on: str = ""
     """Name of a worker that declines this shard, so that another takes it."""
+    bodies: GivenBodies = None
 
     def scenario_rows(self) -> list[Sequence[Scenario]]:
         """Return the scenarios, drawn again where only their recipe travelled."""

@@ -16,6 +16,7 @@ from ncrs.engines.base import (
     REFUSE,
     Engine,
     EngineSettingError,
+    GivenBodies,
     RolloutResult,
     ScenarioRows,
     StopCheck,
@@ -92,13 +93,18 @@ class ShardedEngine(Engine):
         return self._crew
 
     def _rollout(
-        self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
+        self,
+        genomes: NDArray[np.float32],
+        rows: ScenarioRows,
+        should_stop: StopCheck,
+        bodies: GivenBodies,
     ) -> RolloutResult:
         travelling = travelling_rows(rows)
 
         def make_shard(first: int, last: int, not_on: str) -> Shard:
             own = travelling if len(travelling) == 1 else travelling[first:last]
-            return Shard(genomes[first:last], own, self.setup, not_on)
+            given = None if bodies is None else bodies[first:last]
+            return Shard(genomes[first:last], own, self.setup, not_on, given)
 
         crew = self.crew
         assert self._dispatcher is not None

@@ -70,7 +70,7 @@ class _Station:
     """Held during an evaluation, which uses all threads: the next shard waits here, unpacked."""
 
     def roll_out(self, shard: Shard) -> RolloutResult:
-        return self.engine.roll_out(shard.genomes, shard.scenario_rows())
+        return self.engine.roll_out(shard.genomes, shard.scenario_rows(), bodies=shard.bodies)
 
 
 _making = Lock()

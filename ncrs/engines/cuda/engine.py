@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ncrs.engines.base import (
     Engine,
     EvaluationInterrupted,
+    GivenBodies,
     RolloutResult,
     ScenarioRows,
     StopCheck,
@@ -57,7 +58,11 @@ class CUDAEngine(Engine):
         self._made: dict[int, Device] = {}
 
     def _rollout(
-        self, genomes: NDArray[np.float32], rows: ScenarioRows, should_stop: StopCheck
+        self,
+        genomes: NDArray[np.float32],
+        rows: ScenarioRows,
+        should_stop: StopCheck,
+        bodies: GivenBodies,
     ) -> RolloutResult:
         scenarios = scenario_table(rows, self.settings.grid_size)
         shares = np.array_split(np.arange(len(genomes)), min(len(self.devices), len(genomes)))
@@ -79,7 +84,8 @@ class CUDAEngine(Engine):
                     own = scenarios
                     if len(rows) > 1:
                         own = Scenarios(scenarios.scenarios[chosen], scenarios.quads[chosen])
-                    parts.append(device.evaluate(genomes[chosen], own))
+                    given = None if bodies is None else bodies[chosen]
+                    parts.append(device.evaluate(genomes[chosen], own, given))
             return parts
 
         if len(shares) == 1:

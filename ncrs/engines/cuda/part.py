@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.channels import NCALayout, growth_steps
+from ncrs.engines.base import GivenBodies
 from ncrs.engines.cuda.gpu import (
     WARP,
     Launcher,
@@ -116,25 +117,33 @@ class Device:
         """Capacity for the contacts of one robot."""
         return len(make_scratch(self._settings.grid_size).contacts)
 
-    def evaluate(self, weights: NDArray[np.float32], scenarios: Scenarios) -> PartResult:
+    def evaluate(
+        self, weights: NDArray[np.float32], scenarios: Scenarios, given: GivenBodies
+    ) -> PartResult:
         """Grow and drive robots.
 
         Args:
             weights: Checked genomes, float32 ``(P, num_parameters)``.
             scenarios: Records, ``(P or 1, E)``.
+            given: Bodies to drive instead of grown ones.
         """
         settings, n = self._settings, self._settings.grid_size
         population, episodes = len(weights), scenarios.scenarios.shape[1]
         genomes = Genomes(
             self._sent("weights", weights),
             self._part_codes,
-            self._array("bodies", (population, n, n), np.int8),
+            self._array("bodies", (population, n, n), np.int8)
+            if given is None
+            else self._sent("bodies", given),
             self._array("finite", (population,), np.bool_),
         )
-        shared = growth_shared(self._layout.channels, n * n)
-        self._grow((population,), WARP, shared, genomes, growth_steps(n))
-        bodies = to_host(genomes.bodies)[:population]
-        finite = to_host(genomes.finite)[:population]
+        if given is None:
+            shared = growth_shared(self._layout.channels, n * n)
+            self._grow((population,), WARP, shared, genomes, growth_steps(n))
+            bodies = to_host(genomes.bodies)[:population]
+            finite = to_host(genomes.finite)[:population]
+        else:
+            bodies, finite = given, np.ones(population, dtype=np.bool_)
         result = PartResult(
             bodies,
             finite,

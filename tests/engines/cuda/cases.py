@@ -17,6 +17,8 @@ from ncrs_envs.tasks import TaskSettings
 STEPS = 3
 EPISODES = {"light_chase": 3, "obstacle": 2, "carry_ball": 2}
 TASKS = tuple(EPISODES)
+GIVEN = {"light_chase": ["LLLLL/WWWWW/WWWWW/WWWWW/LLLLL", "....L/...W./..#../.W.../L...."]}
+"""Bodies that are given instead of grown."""
 
 
 def genomes(task):
@@ -48,7 +50,9 @@ def evaluate(engine, module, task):
         mock.patch(f"{module}.MAX_EPISODE_STEPS", STEPS),
         mock.patch.object(Scenario, "_check_start"),
     ):
-        return engine(TaskSettings(task)).evaluate(genomes(task), scenarios(task))
+        return engine(TaskSettings(task)).evaluate(
+            genomes(task), scenarios(task), bodies=GIVEN.get(task)
+        )
 
 
 def main(path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ncrs_envs.batched.vector_options import check_bodies, grid_side
+from ncrs_envs.bodies import check_bodies, grid_side
 from ncrs_envs.body import BodyError, body_to_characters
 from ncrs_envs.tasks import LIGHT_CHASE
 
