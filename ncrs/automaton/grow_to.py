@@ -1,16 +1,15 @@
-"""The way back: from a body to a genome that grows it, by gradient descent on growth."""
+"""The way back: from bodies to genomes that grow them, by gradient descent on growth."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
-from torch.nn.utils import clip_grad_norm_
 
 from ncrs.automaton.channels import (
     ALIVE_THRESHOLD,
@@ -35,6 +34,9 @@ for control."""
 _MARGIN = 0.7
 _LEARNING_RATE = 5e-3
 _GRADIENT_NORM = 0.5
+_MOMENTS = (0.9, 0.999)
+"""Decay of the means of gradients and of their squares (Adam: Kingma and Ba 2015)."""
+_TINY = 1e-8
 _STEPS = 1500
 _ATTEMPTS = 4
 
@@ -76,114 +78,194 @@ def grow_to(
     layout.task.check_body(grid)
     if len(units) != 2 or not all(1 <= count <= HIDDEN_UNITS for count in units):
         raise GrowthError(f"units must be two numbers from 1 to {HIDDEN_UNITS}, got {units!r}.")
-    with one_torch_thread(), torch.inference_mode(False), torch.enable_grad():
-        for attempt in range(_ATTEMPTS):
-            generator = torch.Generator().manual_seed(seed * _ATTEMPTS + attempt)
-            found = _Growing(layout, grid, units, generator).descend()
-            if found is not None:
-                return found
+    for attempt in range(_ATTEMPTS):
+        found = grow_each(grid[None], layout, units, seed * _ATTEMPTS + attempt, _STEPS)
+        if found.are_exact[0]:
+            genome: NDArray[np.float32] = found.genomes[0]
+            return genome
     raise GrowthError(
         f"No genome that grows this body was found in {_ATTEMPTS} attempts; use more of the "
         f"{HIDDEN_UNITS} units of each layer than {units}, or another seed."
     )
 
 
-class _Growing:
-    """Weights under training, and the distance of what they grow from a body."""
+class GrownGenomes(NamedTuple):
+    """Genomes for given bodies."""
+
+    genomes: NDArray[np.float32]
+    """Genomes, ``(B, num_parameters)``."""
+    are_exact: NDArray[np.bool_]
+    """True for those that grow their body with a margin; others came near, or did not, ``(B,)``."""
+
+
+def grow_each(
+    bodies: NDArray[np.int8],
+    layout: NCALayout,
+    units: tuple[int, int],
+    seed: int,
+    steps: int,
+) -> GrownGenomes:
+    """Descend towards genomes that grow valid bodies, for all of them at the same time.
+
+    Args:
+        bodies: Cell codes, ``(B, n, n)``.
+        layout: Channels of the automaton.
+        units: As in ``grow_to``.
+        seed: Seed of the first weights of all.
+        steps: Maximum number of steps.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    with one_torch_thread(), torch.inference_mode(False), torch.enable_grad():
+        return _Descent(layout, bodies, units, generator).descend(steps)
+
+
+class _Descent:
+    """Weights under training, and the distances of what they grow from the bodies."""
 
     def __init__(
         self,
         layout: NCALayout,
-        body: NDArray[np.int8],
+        bodies: NDArray[np.int8],
         units: tuple[int, int],
         generator: torch.Generator,
     ) -> None:
-        self._layout, self._body = layout, body
-        first, second = self._units = units
-        channels = layout.channels
+        self._layout, self._units = layout, units
+        channels, (first, second) = layout.channels, units
 
-        def drawn(shape: tuple[int, ...], inputs: int) -> Tensor:
+        def drawn(rows: int, columns: int, inputs: int) -> Tensor:
+            shape = (len(bodies), rows, columns)
             values = torch.rand(shape, generator=generator, dtype=torch.float32, device="cpu")
-            return ((2 * values - 1) / math.sqrt(inputs)).requires_grad_()
+            return (2 * values - 1) / math.sqrt(inputs)
 
         inputs = channels * KERNEL_SIZE**2
         self._weights = [
-            drawn((first, channels, KERNEL_SIZE, KERNEL_SIZE), inputs),
-            drawn((first,), inputs),
-            drawn((second, first, 1, 1), first),
-            drawn((channels, second, 1, 1), second),
-            drawn((channels,), second),
+            drawn(first, inputs, inputs),
+            drawn(first, 1, inputs),
+            drawn(second, first, first),
+            drawn(channels, second, second),
+            drawn(channels, 1, second),
         ]
-        self._is_mirrored = np.array_equal(body, body[:, ::-1])
-        self._updated = torch.ones((channels, 1, 1), dtype=torch.float32, device="cpu")
+        self._moments = [[torch.zeros_like(weights) for weights in self._weights] for _ in _MOMENTS]
+        self._updated = torch.ones((channels, 1), dtype=torch.float32, device="cpu")
         self._updated[CONTROL_CHANNEL] = 0.0
         # The second layer has no bias, and what changes during control none in the third: with the
         # first layer silent, nothing changes.
-        self._biased = torch.ones(channels, dtype=torch.float32, device="cpu")
+        self._biased = torch.ones((channels, 1), dtype=torch.float32, device="cpu")
         self._biased[layout.changing_channels] = 0.0
-        codes = np.array(layout.part_codes)[:, None, None]
-        self._parts = torch.from_numpy(codes == body)
-        self._occupied = torch.from_numpy(body != 0)
+        self._aim_at(np.arange(len(bodies)), bodies)
 
-    def _layers(self) -> list[Tensor]:
-        reading, *others, bias = self._weights
-        if self._is_mirrored:
-            reading = 0.5 * (reading + reading.flip(-1))
-        return [reading, *others, bias * self._biased]
+    def _aim_at(self, owners: NDArray[np.int64], bodies: NDArray[np.int8]) -> None:
+        """Train the weights of these owners for their bodies."""
+        self._owners, self._bodies = owners, bodies
+        mirrored = (bodies == bodies[..., ::-1]).all(axis=(1, 2))
+        self._mirrored = torch.from_numpy(mirrored)[:, None, None]
+        codes = np.array(self._layout.part_codes)[:, None, None]
+        self._parts = torch.from_numpy(codes == bodies[:, None])
+        self._occupied = torch.from_numpy(bodies != 0)
 
-    def descend(self) -> NDArray[np.float32] | None:
-        """Descend until the body grows with a margin; None if it does not in time."""
-        optimizer = torch.optim.Adam(self._weights, lr=_LEARNING_RATE)
-        for _ in range(_STEPS):
-            loss, worst, grown = self._distance()
-            if worst < _MARGIN / 2 and np.array_equal(grown, self._body):
-                return self._genome()
-            optimizer.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
-            clip_grad_norm_(self._weights, _GRADIENT_NORM)
-            optimizer.step()
-        return None
+    def _keep(self, kept: NDArray[np.bool_]) -> None:
+        """Go on with some of the bodies only."""
+        chosen = torch.from_numpy(kept)
+        self._weights = [weights[chosen] for weights in self._weights]
+        self._moments = [[moment[chosen] for moment in moments] for moments in self._moments]
+        self._aim_at(self._owners[kept], self._bodies[kept])
 
-    def _distance(self) -> tuple[Tensor, float, NDArray[np.int8]]:
-        """Return the loss, the largest violation of a margin, and the body that grows."""
-        reading, bias1, middle, writing, bias3 = self._layers()
-        size = len(self._body)
-        state = seed_state(self._layout.channels, size)[None]
+    def descend(self, steps: int) -> GrownGenomes:
+        """Descend until all bodies grow with a margin, or all steps are done."""
+        genomes = np.zeros((len(self._bodies), self._layout.num_parameters), dtype=np.float32)
+        are_exact = np.zeros(len(self._bodies), dtype=np.bool_)
+        for step in range(steps):
+            leaves = [weights.requires_grad_() for weights in self._weights]
+            layers = self._layers(leaves)
+            losses, worst, grown = self._distances(layers)
+            exact = (worst < _MARGIN / 2) & (grown == self._bodies).all(axis=(1, 2))
+            finished = exact if step < steps - 1 else np.ones_like(exact)
+            genomes[self._owners[finished]] = self._genomes(layers, finished)
+            are_exact[self._owners[exact]] = True
+            if finished.all():
+                break
+            losses.sum().backward()  # type: ignore[no-untyped-call]
+            gradients = [_gradient(leaf) for leaf in leaves]
+            self._weights = [leaf.detach() for leaf in leaves]
+            self._step(gradients, step + 1)
+            if finished.any():
+                self._keep(~finished)
+        return GrownGenomes(genomes, are_exact)
+
+    def _step(self, gradients: list[Tensor], number: int) -> None:
+        """Make Adam's step of that number, from 1, with the gradient of each body clipped."""
+        squares = [gradient.square().sum((1, 2), keepdim=True) for gradient in gradients]
+        norms = torch.stack(squares).sum(0).sqrt()
+        scale = (_GRADIENT_NORM / (norms + 1e-6)).clamp(max=1.0)
+        means, variances = self._moments
+        for weights, gradient, mean, variance in zip(
+            self._weights, gradients, means, variances, strict=True
+        ):
+            clipped = gradient * scale
+            mean.lerp_(clipped, 1 - _MOMENTS[0])
+            variance.lerp_(clipped.square(), 1 - _MOMENTS[1])
+            size = (variance / (1 - _MOMENTS[1] ** number)).sqrt_().add_(_TINY)
+            weights.addcdiv_(mean, size, value=-_LEARNING_RATE / (1 - _MOMENTS[0] ** number))
+
+    def _layers(self, weights: list[Tensor]) -> list[Tensor]:
+        reading, *others, bias = weights
+        kernels = reading.view(*reading.shape[:2], -1, KERNEL_SIZE)
+        average = (0.5 * (kernels + kernels.flip(-1))).view_as(reading)
+        return [torch.where(self._mirrored, average, reading), *others, bias * self._biased]
+
+    def _distances(
+        self, layers: list[Tensor]
+    ) -> tuple[Tensor, NDArray[np.float32], NDArray[np.int8]]:
+        """Return the losses, the largest violations of a margin, and the bodies that grow."""
+        reading, bias1, middle, writing, bias3 = layers
+        count, size, _ = self._bodies.shape
+        seed = seed_state(self._layout.channels, size)
+        state = seed.expand(count, *seed.shape)
         histories = []
         for _ in range(growth_steps(size)):
             alive = alive_cells(state)
-            hidden = functional.relu(functional.conv2d(state, reading, bias1, padding=1))
-            hidden = functional.relu(functional.conv2d(hidden, middle))
-            change = functional.conv2d(hidden, writing, bias3) * self._updated
-            state = (state + change).clamp(-STATE_LIMIT, STATE_LIMIT) * alive
-            histories.append(state[0, BODY_CHANNEL])
-        values, parts = state[0, BODY_CHANNEL], state[0, self._layout.part_channels]
+            seen = functional.unfold(state, KERNEL_SIZE, padding=1)
+            hidden = functional.relu(torch.baddbmm(bias1, reading, seen))
+            hidden = functional.relu(torch.bmm(middle, hidden))
+            change = torch.baddbmm(bias3, writing, hidden) * self._updated
+            state = (state + change.view_as(state)).clamp(-STATE_LIMIT, STATE_LIMIT) * alive
+            histories.append(state[:, BODY_CHANNEL])
+        values, parts = state[:, BODY_CHANNEL], state[:, self._layout.part_channels]
         full, none = ALIVE_THRESHOLD + _MARGIN, ALIVE_THRESHOLD - _MARGIN
         lacking = functional.relu(torch.where(self._occupied, full - values, values - none))
-        is_alive = alive[0, 0]
+        is_alive = alive[:, 0]
         lacking = lacking * (is_alive | self._occupied)  # a dead cell is empty for certain
-        own = (parts * self._parts).sum(0)
-        others = parts.masked_fill(self._parts, -torch.inf).amax(0)
+        own = (parts * self._parts).sum(1)
+        others = parts.masked_fill(self._parts, -torch.inf).amax(1)
         mistaken = functional.relu(_MARGIN - (own - others)) * self._occupied
-        loss = lacking.mean() + mistaken.mean()
-        if bool((self._occupied & ~is_alive).any()):
-            # No gradient reaches a cell that is not alive: let the robot fill the grid on its way.
-            filling = [functional.relu(full - values).mean() for values in histories[:-1]]
-            loss = loss + torch.stack(filling).mean()
-        worst = float(torch.maximum(lacking, mistaken).max().detach())
-        return loss, worst, read_body(state, self._layout)[0]
+        # No gradient reaches a cell that is not alive: let the robot fill the grid on its way.
+        cut_off = (self._occupied & ~is_alive).any(-1).any(-1)
+        filling = torch.stack(
+            [functional.relu(full - past).mean((1, 2)) for past in histories[:-1]]
+        )
+        losses = lacking.mean((1, 2)) + mistaken.mean((1, 2)) + cut_off * filling.mean(0)
+        worst = torch.maximum(lacking, mistaken).amax((1, 2)).detach().numpy()
+        return losses, worst, read_body(state, self._layout)
 
-    def _genome(self) -> NDArray[np.float32]:
-        first, second = self._units
-        layout = self._layout
-        genome: NDArray[np.float32] = np.zeros((1, layout.num_parameters), dtype=np.float32)
-        reading, bias1, middle, _, writing, bias3 = (part[0] for part in layout.layers(genome))
-        found = [layer.detach().numpy() for layer in self._layers()]
-        reading[-first:], bias1[-first:], middle[-second:, -first:] = found[:3]
-        writing[:, -second:], bias3[:] = found[3:]
+    def _genomes(self, layers: list[Tensor], chosen: NDArray[np.bool_]) -> NDArray[np.float32]:
+        (first, second), layout = self._units, self._layout
+        found = [layer.detach().numpy()[chosen] for layer in layers]
+        count = len(found[0])
+        genomes: NDArray[np.float32] = np.zeros((count, layout.num_parameters), dtype=np.float32)
+        reading, bias1, middle, _, writing, bias3 = layout.layers(genomes)
+        reading[:, -first:] = found[0].reshape(reading[:, -first:].shape)
+        bias1[:, -first:] = found[1][..., 0]
+        middle[:, -second:, -first:] = found[2][..., None, None]
+        writing[:, :, -second:] = found[3][..., None, None]
+        bias3[:] = found[4][..., 0]
         # Silence during control, when the flag is 1, whatever the states are.
-        highest = STATE_LIMIT * np.abs(found[0]).sum((1, 2, 3)) + np.maximum(found[1], 0)
+        highest = STATE_LIMIT * np.abs(found[0]).sum(-1) + np.maximum(found[1][..., 0], 0)
         middle_cell = KERNEL_SIZE // 2
-        reading[-first:, CONTROL_CHANNEL] = 0
-        reading[-first:, CONTROL_CHANNEL, middle_cell, middle_cell] = -highest - 1
-        return genome.reshape(-1)
+        reading[:, -first:, CONTROL_CHANNEL] = 0
+        reading[:, -first:, CONTROL_CHANNEL, middle_cell, middle_cell] = -highest - 1
+        return genomes
+
+
+def _gradient(leaf: Tensor) -> Tensor:
+    assert leaf.grad is not None
+    return leaf.grad
