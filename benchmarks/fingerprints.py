@@ -113,6 +113,13 @@ RUNS: Mapping[str, Mapping[str, str]] = {
         "optimizer.initial_genomes": "300",
         "generations": "12",
     },
+    "drafts": {
+        "optimizer": "drafts",
+        "optimizer.population": "16",
+        "optimizer.descent_steps": "60",
+        "symmetric": "false",
+        "generations": "2",
+    },
     "map_elites_carry": {
         "optimizer": "map_elites",
         "optimizer.initial_genomes": "300",

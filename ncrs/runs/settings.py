@@ -109,6 +109,11 @@ class TrainConfig:
         except SeedError as error:
             raise ConfigError(str(error)) from error
         self._check_space()
+        if self.symmetric and not self.optimizer.may_be_symmetric:
+            raise ConfigError(
+                f"{self.optimizer.name} makes genomes that do not treat left and right alike; set "
+                "symmetric=false."
+            )
         mirroring = self.sampling().mirroring
         if self.episodes % 2 and mirroring != "none":
             raise ConfigError(

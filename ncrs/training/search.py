@@ -18,6 +18,7 @@ from ncrs.evolution.optimizers.base import Genomes, Optimizer
 from ncrs.evolution.reestimation import reestimate
 from ncrs.evolution.space import WEIGHTS
 from ncrs.evolution.standstill import standing_still_fitness
+from ncrs.evolution.task_optimizer import TaskOptimizer
 from ncrs.runs.elites import EliteArchive, make_archive
 from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.seeds import Stream, seed_row, seed_sequence
@@ -70,6 +71,8 @@ class Search:
         config = self._config
         seed = seed_sequence(config.seed, Stream.OPTIMIZER)
         optimizer = make_optimizer(config.optimizer, self._space.dimension, seed)
+        if isinstance(optimizer, TaskOptimizer):
+            optimizer.set_task(config.task.task)
         if self._space.start.any():
             optimizer.start_from(self._space.start)
         return optimizer

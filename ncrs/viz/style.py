@@ -36,6 +36,7 @@ METHOD_NAMES = {
     "cma_mae": "CMA-MAE",
     "map_elites": "MAP-Elites",
     "iso_cma_es": "iso-CMA-ES",
+    "drafts": "drafts",
 }
 
 _STYLE: dict[Any, Any] = {

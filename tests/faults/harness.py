@@ -54,6 +54,7 @@ OPTIMIZER_SETTINGS: dict[str, dict[str, Any]] = {
     "cma_me": EMITTERS,
     "cma_mae": EMITTERS,
     "map_elites": {"population": 8, "initial_genomes": 8},
+    "drafts": {"population": 8, "descent_steps": 60},
 }
 WRITERS = {
     "evaluate": (["--episodes", "2"], ["--episodes", "4"]),
@@ -87,8 +88,11 @@ def settings_of(optimizer: str) -> dict[str, Any]:
         "generations": _GENERATIONS, "episodes": 2, "champion_every": 1, "champion_episodes": 2,
         "checkpoint_seconds": 0, "seed": 4,
     }  # fmt: skip
-    # With this seed 16 random genomes grow a valid body, and map_elites has a champion.
-    return settings if optimizer == "map_elites" else {**settings, "start_from": "light_chase/best"}
+    if optimizer == "map_elites":  # with this seed 16 random genomes grow a valid body
+        return settings
+    if optimizer == "drafts":
+        return {**settings, "symmetric": False}
+    return {**settings, "start_from": "light_chase/best"}
 
 
 def in_child(work: Callable[[], Any], layer: FileLayer | None = None) -> tuple[int, Any]:

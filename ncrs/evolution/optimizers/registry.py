@@ -13,6 +13,7 @@ from ncrs.evolution.optimizers.settings import (
     CMAESSettings,
     CMAMAESettings,
     CMAMESettings,
+    DraftsSettings,
     IsoCMAESSettings,
     MAPElitesSettings,
     OptimizerSettings,
@@ -42,6 +43,7 @@ OPTIMIZERS: Registry[Entry] = Registry(
             (CMAMESettings, f"{_HERE}.cma_me:CMAME"),
             (CMAMAESettings, f"{_HERE}.cma_mae:CMAMAE"),
             (MAPElitesSettings, f"{_HERE}.map_elites:MAPElites"),
+            (DraftsSettings, "ncrs.drafts.optimizer:Drafts"),
         )
     },
 )

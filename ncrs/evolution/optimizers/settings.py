@@ -40,6 +40,8 @@ class OptimizerSettings:
     """Genomes per generation; with emitters, those of the emitter whose turn it is."""
 
     min_population: ClassVar[int] = 1
+    may_be_symmetric: ClassVar[bool] = True
+    """False if the nearest symmetric genomes are not what it means."""
 
     def __post_init__(self) -> None:
         check_types(self, OptimizerError)
@@ -334,6 +336,27 @@ class MAPElitesSettings(OptimizerSettings):
     @property
     def maximises_fitness(self) -> bool:
         """False: parents are drawn from the archive, whatever the fitness."""
+        return False
+
+
+@dataclass
+class DraftsSettings(OptimizerSettings):
+    """Drafts: bodies drawn for every measure triple, with controllers by hand; no evolution."""
+
+    name: str = "drafts"
+    population: int = 128
+    descent_steps: int = 100
+    """Maximum number of steps of gradient descent towards a genome that grows a body."""
+
+    may_be_symmetric: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_minimum("descent_steps", self.descent_steps, 1)
+
+    @property
+    def maximises_fitness(self) -> bool:
+        """False: nothing is learned from fitness; the archive keeps the best."""
         return False
 
 
