@@ -30,7 +30,7 @@ from ncrs.automaton.nca import NCAPopulation
 from ncrs.engines.base import usable_engines
 from ncrs.runs.engine_settings import EngineSettings
 from ncrs_envs.cores import available_cores
-from ncrs_envs.tasks import TASKS, TaskSettings
+from ncrs_envs.tasks import PAPER_TASKS, TASKS, TaskSettings
 
 AUTHORS_STEPS_PER_S_AND_CORE = 140
 """Speed of the published implementation on the machine where this was written."""
@@ -38,6 +38,7 @@ _BOX2D_GENOMES = 12
 _VECTOR_ENVS = 4096
 _VECTOR_STEPS = 250
 """Number of steps: two and a half episodes, so that resets count."""
+NAMES = tuple(task.name for task in PAPER_TASKS)
 
 
 def vector_speed(
@@ -65,7 +66,7 @@ def measure(repeats: int) -> dict[str, Any]:
     result: dict[str, Any] = {engine: {} for engine in usable_engines()}
     result["vector"] = {}
     result["gemm_gflops"] = gemm_gflops()
-    for task in TASKS:
+    for task in NAMES:
         genomes = nearly_full_genomes(task)
         for engine in usable_engines():
             chosen = genomes[:_BOX2D_GENOMES] if engine == "box2d" else genomes
@@ -81,20 +82,20 @@ def _table(result: dict[str, Any]) -> str:
     lines = [
         f"{cores} cores, large float32 matrix product {result['gemm_gflops']:.0f} GFLOP/s",
         "",
-        f"{'env steps/s':<12}" + "".join(f"{task:>14}" for task in TASKS),
+        f"{'env steps/s':<12}" + "".join(f"{task:>14}" for task in NAMES),
     ]
     for name in (*usable_engines(), "vector"):
-        lines.append(f"{name:<12}" + "".join(f"{result[name][t]:>14,.0f}" for t in TASKS))
+        lines.append(f"{name:<12}" + "".join(f"{result[name][t]:>14,.0f}" for t in NAMES))
     authors = AUTHORS_STEPS_PER_S_AND_CORE * cores
-    ratio = [result["batched"][t] / result["box2d"][t] for t in TASKS]
+    ratio = [result["batched"][t] / result["box2d"][t] for t in NAMES]
     lines += [
         "",
         "batched / box2d".ljust(20) + "".join(f"{value:>10.0f} x" for value in ratio),
         f"batched / published code ({AUTHORS_STEPS_PER_S_AND_CORE} steps/s and core): "
-        + ", ".join(f"{result['batched'][t] / authors:,.0f} x" for t in TASKS),
-        "box2d per core: " + ", ".join(f"{result['box2d'][t] / cores:,.0f}" for t in TASKS),
+        + ", ".join(f"{result['batched'][t] / authors:,.0f} x" for t in NAMES),
+        "box2d per core: " + ", ".join(f"{result['box2d'][t] / cores:,.0f}" for t in NAMES),
     ]
-    for task in TASKS:
+    for task in NAMES:
         bodies = grow(NCAPopulation(nearly_full_genomes(task, 32), task))
         gflops = result["batched"][task] * nca_flops_per_step(bodies, task) / 1e9
         lines.append(

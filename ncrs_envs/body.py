@@ -29,6 +29,8 @@ class Cell(IntEnum):
     TARGET_SENSOR = 3
     """Senses the target area (CarryBall only)."""
     WHEEL = 4
+    TOUCH_SENSOR = 5
+    """Senses the walls that it touches (ObstacleTouch only)."""
 
     @property
     def label(self) -> str:
@@ -48,6 +50,7 @@ CELL_DENSITY: Mapping[Cell, float] = {
     Cell.LIGHT_SENSOR: 1.0,
     Cell.TARGET_SENSOR: 1.0,
     Cell.WHEEL: 0.1,
+    Cell.TOUCH_SENSOR: 1.0,
 }
 """Mass per unit of area."""
 
@@ -57,10 +60,11 @@ CELL_CHARACTERS: Mapping[str, Cell] = {
     "L": Cell.LIGHT_SENSOR,
     "T": Cell.TARGET_SENSOR,
     "W": Cell.WHEEL,
+    "C": Cell.TOUCH_SENSOR,
 }
 """Characters in which a body can be written, one string per row."""
 
-SENSOR_CELLS = (Cell.LIGHT_SENSOR, Cell.TARGET_SENSOR)
+SENSOR_CELLS = (Cell.LIGHT_SENSOR, Cell.TARGET_SENSOR, Cell.TOUCH_SENSOR)
 
 
 class BodyError(NCRSError, ValueError):
@@ -89,8 +93,8 @@ def parse_body(body: Any, grid_size: int | None = None) -> BodyGrid:
     Args:
         body: Integer array or nested list of ``Cell`` codes, shape ``(n, n)``, or ``n`` rows of
             characters (``.`` empty, ``#`` tissue, ``L`` light sensor, ``T`` target sensor,
-            ``W`` wheel), as a sequence of strings or one string with rows that end with a line
-            break or ``/``. Spaces between characters do not count.
+            ``W`` wheel, ``C`` touch sensor), as a sequence of strings or one string with rows that
+            end with a line break or ``/``. Spaces between characters do not count.
         grid_size: Required side ``n`` of the grid; None for any ``n >= 3``.
 
     Returns:
@@ -183,7 +187,7 @@ def body_to_characters(body: BodyGrid) -> str:
 
 
 def sensor_mask(bodies: NDArray[Any]) -> NDArray[np.bool_]:
-    """Mark sensor cells of either kind.
+    """Mark sensor cells of every kind.
 
     Args:
         bodies: Cell codes, any shape.
@@ -191,7 +195,8 @@ def sensor_mask(bodies: NDArray[Any]) -> NDArray[np.bool_]:
     Returns:
         True in sensor cells; bool, same shape.
     """
-    return np.asarray((bodies == Cell.LIGHT_SENSOR) | (bodies == Cell.TARGET_SENSOR))
+    light_or_target = (bodies == Cell.LIGHT_SENSOR) | (bodies == Cell.TARGET_SENSOR)
+    return np.asarray(light_or_target | (bodies == Cell.TOUCH_SENSOR))
 
 
 def wheel_mask(bodies: NDArray[Any]) -> NDArray[np.bool_]:

@@ -38,6 +38,7 @@ with warnings.catch_warnings():
 VERSION: str = Box2D.__version__
 _VELOCITY_ITERATIONS = 180
 _POSITION_ITERATIONS = 60
+_WALL = "wall"
 
 Pose = tuple[float, float, float]
 
@@ -90,7 +91,7 @@ class RobotWorld:
         self._wheels = wheels
         self._world = Box2D.b2World(gravity=(0.0, 0.0), doSleep=False)
         for quad in _solid_quads(scenario, body.shape[0]):
-            self._add_static(_DEFINITIONS.polygon(quad))
+            self._add_static(_DEFINITIONS.polygon(quad)).userData = _WALL
         if scenario.light is not None:
             self._add_static(_DEFINITIONS.circle(scenario.light, LIGHT_RADIUS, 0.0))
         self._ball = None
@@ -102,10 +103,11 @@ class RobotWorld:
         for row, column in np.argwhere(body != Cell.EMPTY):
             x, y = centers[row, column].tolist()
             density = CELL_DENSITY[Cell(int(body[row, column]))]
-            self._robot.CreateFixture(_DEFINITIONS.square((x, y), density))
+            fixture = self._robot.CreateFixture(_DEFINITIONS.square((x, y), density))
+            fixture.userData = int(row) * body.shape[1] + int(column)
 
-    def _add_static(self, fixture: Box2D.b2FixtureDef) -> None:
-        self._world.CreateStaticBody(fixtures=fixture)
+    def _add_static(self, fixture: Box2D.b2FixtureDef) -> Box2D.b2Body:
+        return self._world.CreateStaticBody(fixtures=fixture)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Describe the world by its parts and the gas of its steps."""
@@ -157,6 +159,17 @@ class RobotWorld:
     def touching(self) -> bool:
         """True if the robot touches the light, the ball or a wall after the last step."""
         return any(edge.contact.touching for edge in self._robot.contacts)
+
+    @property
+    def cells_at_walls(self) -> set[int]:
+        """Flat grid indices of the cells that touch a wall after the last step."""
+        touching = (edge.contact for edge in self._robot.contacts if edge.other.userData == _WALL)
+        fixtures = (
+            (contact.fixtureA, contact.fixtureB) for contact in touching if contact.touching
+        )
+        return {
+            fixture.userData for pair in fixtures for fixture in pair if fixture.body == self._robot
+        }
 
 
 def _repeat(

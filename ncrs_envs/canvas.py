@@ -22,6 +22,7 @@ Point = tuple[float, float]
 # shapes repeat every distinction that a colour makes.
 AMBER: Color = (240, 180, 20)
 SKY: Color = (86, 180, 233)
+ROSE: Color = (204, 121, 167)
 GREEN: Color = (0, 190, 140)
 VERMILION: Color = (235, 105, 20)
 WHITE: Color = (240, 243, 246)

@@ -16,7 +16,12 @@ from ncrs_envs.body import (
     BodyGrid,
     parse_body,
 )
-from ncrs_envs.env_docs import CARRY_BALL_DOC, LIGHT_CHASE_DOC, OBSTACLE_DOC
+from ncrs_envs.env_docs import (
+    CARRY_BALL_DOC,
+    LIGHT_CHASE_DOC,
+    OBSTACLE_DOC,
+    OBSTACLE_TOUCH_DOC,
+)
 from ncrs_envs.episode import Episode, Robot
 from ncrs_envs.interface import OptionError, check_action, check_flag, check_options
 from ncrs_envs.physics import DT
@@ -31,6 +36,7 @@ from ncrs_envs.tasks import (
     CARRY_BALL,
     LIGHT_CHASE,
     OBSTACLE,
+    OBSTACLE_TOUCH,
     Task,
     TaskSettings,
     default_body,
@@ -254,6 +260,11 @@ class ObstacleEnv(RobotEnv):  # noqa: D101 - from env_docs
 class CarryBallEnv(RobotEnv):  # noqa: D101 - from env_docs
     __doc__ = CARRY_BALL_DOC
     task = CARRY_BALL
+
+
+class ObstacleTouchEnv(RobotEnv):  # noqa: D101 - from env_docs
+    __doc__ = OBSTACLE_TOUCH_DOC
+    task = OBSTACLE_TOUCH
 
 
 def make_task_env(task: str, **arguments: Any) -> RobotEnv:

@@ -1,8 +1,9 @@
-"""Class docstrings of the three environments, with Gymnasium's headings."""
+"""Class docstrings of the environments, with Gymnasium's headings."""
 
 from __future__ import annotations
 
-from ncrs_envs.tasks import CARRY_BALL, LIGHT_CHASE, OBSTACLE
+from ncrs_envs.physics import TOUCH_DECAY
+from ncrs_envs.tasks import CARRY_BALL, LIGHT_CHASE, OBSTACLE, OBSTACLE_TOUCH
 
 _TEMPLATE = """{summary}
 
@@ -22,7 +23,7 @@ _TEMPLATE = """{summary}
 
     ## Observation Space
     `Box(0, 1, (n, n), float32)`: in sensor cells `exp(-d / P)`, with d the distance from the cell's
-    centre to {sensed}; 0 elsewhere. `info` holds `body`, `sensor_mask`, `wheel_mask`, `pose`
+    centre to {sensed}; {felt}0 elsewhere. `info` holds `body`, `sensor_mask`, `wheel_mask`, `pose`
     (x, y, heading in radians), {distances} and `success` (so far in this episode){crossed}.
 
     ## Rewards
@@ -43,8 +44,8 @@ _TEMPLATE = """{summary}
     `gymnasium.make("{env_id}", body=None, grid_size=None, render_mode=None,
     distance_score="exponential", success_radius=None, terminate_on_success=False,
     render_size=512)`
-    - `body`: cell codes (0 empty, 1 tissue, 2 {sensor_2}, {code_3}4 wheel), as an array, nested
-      lists or rows of characters. It stays until `reset` replaces it.
+    - `body`: cell codes (0 empty, 1 tissue, 2 {sensor_2}, {code_3}4 wheel{code_5}), as an array,
+      nested lists or rows of characters. It stays until `reset` replaces it.
     - `grid_size`: n, at least 3; by default that of `body`, or 5 without one.
     - `render_mode`: None, "rgb_array" or "human".
     - `distance_score`: "exponential" or "inverse_square".
@@ -60,6 +61,7 @@ LIGHT_CHASE_DOC = _TEMPLATE.format(
     summary="Drive to a light in the open.",
     description="A light shines in one of four corners; the robot starts in the middle.",
     sensed="the light's centre",
+    felt="",
     distances="`distance` (robot to light)",
     crossed="",
     rewards="`exp(-d / P)` each step, with d the distance from the robot's centre to the light.",
@@ -71,8 +73,25 @@ LIGHT_CHASE_DOC = _TEMPLATE.format(
     env_id=LIGHT_CHASE.env_id,
     sensor_2="light sensor",
     code_3="",
+    code_5="",
     radius=LIGHT_CHASE.success_radius,
 )
+
+_OBSTACLE = {
+    "distances": "`distance` (robot to light)",
+    "crossed": ", and `crossed` (the centre has been above y = 0)",
+    "sensed": "the light's centre (walls do not hide it)",
+    "rewards": "`exp(-d / P)` each step, with d the distance from the robot's centre to the light.",
+    "start": (
+        "The robot stands at y = -0.85 P with x uniform in +-0.6 P, heading +y, clear of the\n"
+        "    walls. The light stands at x in (-0.6 P, -0.3 P, 0.3 P, 0.6 P) and y = 0.6 P, plus\n"
+        "    uniform noise of +-0.05 P on each axis. The passage's centre is uniform in +-0.8 P."
+    ),
+    "success": "the robot's centre has come within 20 units of the light",
+    "sensor_2": "light sensor",
+    "code_3": "",
+    "radius": OBSTACLE.success_radius,
+}
 
 OBSTACLE_DOC = _TEMPLATE.format(
     summary="Drive to a light through a passage between two ragged walls.",
@@ -80,26 +99,32 @@ OBSTACLE_DOC = _TEMPLATE.format(
         "Two walls narrow to a passage 1.4 n units wide, which a full-width robot cannot pass;\n"
         "    the light shines behind it."
     ),
-    sensed="the light's centre (walls do not hide it)",
-    distances="`distance` (robot to light)",
-    crossed=", and `crossed` (the centre has been above y = 0)",
-    rewards="`exp(-d / P)` each step, with d the distance from the robot's centre to the light.",
-    start=(
-        "The robot stands at y = -0.85 P with x uniform in +-0.6 P, heading +y, clear of the\n"
-        "    walls. The light stands at x in (-0.6 P, -0.3 P, 0.3 P, 0.6 P) and y = 0.6 P, plus\n"
-        "    uniform noise of +-0.05 P on each axis. The passage's centre is uniform in +-0.8 P."
-    ),
-    success="the robot's centre has come within 20 units of the light",
+    felt="",
     env_id=OBSTACLE.env_id,
-    sensor_2="light sensor",
-    code_3="",
-    radius=OBSTACLE.success_radius,
+    code_5="",
+    **_OBSTACLE,
+)
+
+OBSTACLE_TOUCH_DOC = _TEMPLATE.format(
+    summary="Drive to a light through a passage between two ragged walls, which the robot feels.",
+    description=(
+        "The courses are those of `NCRS-Obstacle-v0`, and bodies have touch sensors, too. This is\n"
+        "    an extension: the paper has no such task."
+    ),
+    felt=(
+        "in touch sensors 1 while the\n"
+        f"    cell touches a wall, then {TOUCH_DECAY:g} times the value of the step before; "
+    ),
+    env_id=OBSTACLE_TOUCH.env_id,
+    code_5=", 5 touch sensor",
+    **_OBSTACLE,
 )
 
 CARRY_BALL_DOC = _TEMPLATE.format(
     summary="Push a ball to a target area.",
     description="A light ball lies ahead of the robot, and a square target area beyond it.",
     sensed="the ball (code 2) or the target (code 3)",
+    felt="",
     distances="`distance_to_ball`, `ball_to_target`",
     crossed="",
     rewards=(
@@ -115,5 +140,6 @@ CARRY_BALL_DOC = _TEMPLATE.format(
     env_id=CARRY_BALL.env_id,
     sensor_2="ball sensor",
     code_3="3 target sensor, ",
+    code_5="",
     radius=CARRY_BALL.success_radius,
 )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ncrs_envs.body import BodyGrid, Cell, cell_centers, sensor_mask, wheel_mask
 from ncrs_envs.box2d_world import Pose, RobotWorld
-from ncrs_envs.physics import WheelModel, wheel_model
+from ncrs_envs.physics import TOUCH_DECAY, WheelModel, wheel_model
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Point, Scenario, wall_quads
 from ncrs_envs.tasks import TaskError, TaskSettings, distance_score, playfield
@@ -32,6 +32,8 @@ class Robot:
         codes = body.reshape(-1)[self.sensor_cells]
         self.senses_target = (codes == Cell.TARGET_SENSOR).astype(np.intp)
         """For each sensor 1 if it senses the target, 0 if the light or the ball."""
+        self.touch_sensors = np.flatnonzero(codes == Cell.TOUCH_SENSOR)
+        """Indices of the touch sensors among the sensors."""
 
 
 class Episode:
@@ -53,6 +55,7 @@ class Episode:
         self._task = settings.task
         self._rotation = np.empty((2, 2))
         self._extent = playfield(settings.grid_size)
+        self._touch = np.zeros(len(robot.touch_sensors), dtype=np.float32)
         self._read_poses()
         self.closest: tuple[float, ...] = (math.inf,) * len(self.distances)
         """Minima of the ``distances`` over the steps so far, in units; infinite at the start."""
@@ -73,11 +76,21 @@ class Episode:
         gas = action.reshape(-1)[self.robot.wheels.wheel_cells].astype(np.float64)
         self.world.step(np.minimum(np.maximum(gas, -1.0), 1.0))
         self._read_poses()
+        self._feel()
         distances = self.distances
         self.closest = tuple(map(min, self.closest, distances))
         self.success = self.success or self._succeeds()
         self.crossed = self.crossed or self.pose[1] > 0.0
         return self._reward(distances)
+
+    def _feel(self) -> None:
+        """Update the touch sensors."""
+        sensors = self.robot.touch_sensors
+        if len(sensors):
+            touching = self.world.cells_at_walls
+            touched = [place in touching for place in self.robot.sensor_cells[sensors].tolist()]
+            faded = (TOUCH_DECAY * self._touch.astype(np.float64)).astype(np.float32)
+            self._touch = np.where(touched, np.float32(1.0), faded)
 
     def _succeeds(self) -> bool:
         succeeds = self._task.succeeds
@@ -134,7 +147,13 @@ class Episode:
 
     @property
     def sensor_values(self) -> NDArray[np.float64]:
-        """Values of the sensors in row order, in (0, 1], shape ``(sensors,)``."""
+        """Values of the sensors in row order, in [0, 1], shape ``(sensors,)``."""
+        values = self._scores()
+        values[self.robot.touch_sensors] = self._touch
+        return values
+
+    def _scores(self) -> NDArray[np.float64]:
+        """Scores of the sensors' distances from what light and target sensors see."""
         x, y, angle = self.pose
         cos, sin = math.cos(angle), math.sin(angle)
         rotation = self._rotation

@@ -33,6 +33,9 @@ WHEEL_SIDE_FRICTION = 100.0
 CONTACT_FRICTION = 0.2
 CONTACT_RESTITUTION = 0.0
 
+TOUCH_DECAY = 0.8
+"""Factor per step of a touch sensor's value while its cell touches no wall."""
+
 LIGHT_RADIUS = 1.0
 BALL_RADIUS = 1.0
 BALL_DENSITY = 0.1

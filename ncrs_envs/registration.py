@@ -8,7 +8,7 @@ from ncrs_envs.tasks import BUILT_IN, MAX_EPISODE_STEPS, TASKS, Task
 
 
 def register_all() -> None:
-    """Register the three environments; further calls change nothing."""
+    """Register the environments; further calls change nothing."""
     for task in BUILT_IN:
         if task.env_id not in gymnasium.registry:
             gymnasium.register(

@@ -20,6 +20,7 @@ from ncrs_envs.canvas import (
     GREEN,
     GRID,
     GROUND,
+    ROSE,
     SENSOR_BASE,
     SKY,
     TISSUE,
@@ -234,11 +235,18 @@ def _draw_robot(
 
 
 def _draw_sensor(canvas: Canvas, view: View, center: Point, code: Cell, value: float) -> None:
-    """Draw a sensor as a disc (light) or diamond (target); the larger its value, the brighter."""
+    """Draw a sensor as a disc (light), diamond (target) or square (touch).
+
+    The larger its value, the brighter it is.
+    """
     canvas.box(view, center, (0.92, 0.92), SENSOR_BASE)
     if code is Cell.LIGHT_SENSOR:
         canvas.disc(view, center, 0.85, AMBER)
         canvas.disc(view, center, 0.6, _lit(AMBER, value))
+        return
+    if code is Cell.TOUCH_SENSOR:
+        canvas.box(view, center, (0.8, 0.8), ROSE)
+        canvas.box(view, center, (0.55, 0.55), _lit(ROSE, value))
         return
     x, y = center
     for reach, color in ((0.98, SKY), (0.66, _lit(SKY, value))):

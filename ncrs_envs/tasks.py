@@ -102,6 +102,8 @@ class Task:
     has_light: bool = False
     has_ball: bool = False
     has_walls: bool = False
+    has_touch: bool = False
+    """True if bodies may have touch sensors; needs walls, which they touch."""
     place: PlaceFunction | None = None
     """Function that draws a scenario; None for the placements of the paper."""
     reward: RewardFunction | None = None
@@ -112,6 +114,8 @@ class Task:
     def __post_init__(self) -> None:
         if self.has_light == self.has_ball:
             raise TaskError(f"{self.name} must have either a light or a ball with its target.")
+        if self.has_touch and (self.has_ball or not self.has_walls):
+            raise TaskError(f"{self.name} needs a light and walls for its touch sensors.")
 
     @property
     def needs_box2d(self) -> bool:
@@ -141,6 +145,8 @@ class Task:
         """Cell types of this task's bodies, in the order of the NCA's channels."""
         if self.has_ball:
             return (Cell.TISSUE, Cell.LIGHT_SENSOR, Cell.TARGET_SENSOR, Cell.WHEEL)
+        if self.has_touch:
+            return (Cell.TISSUE, Cell.LIGHT_SENSOR, Cell.TOUCH_SENSOR, Cell.WHEEL)
         return (Cell.TISSUE, Cell.LIGHT_SENSOR, Cell.WHEEL)
 
     @property
@@ -202,13 +208,25 @@ class Task:
 
 
 _SEEKER_PARTS = ((Cell.LIGHT_SENSOR, 1), (Cell.WHEEL, 2))
+_FEELER_PARTS = ((Cell.LIGHT_SENSOR, 1), (Cell.TOUCH_SENSOR, 1), (Cell.WHEEL, 2))
 _CARRIER_PARTS = ((Cell.LIGHT_SENSOR, 1), (Cell.TARGET_SENSOR, 1), (Cell.WHEEL, 2))
 
 LIGHT_CHASE = Task("light_chase", "NCRS-LightChase-v0", 20.0, _SEEKER_PARTS, has_light=True)
 OBSTACLE = Task("obstacle", "NCRS-Obstacle-v0", 20.0, _SEEKER_PARTS, has_light=True, has_walls=True)
 CARRY_BALL = Task("carry_ball", "NCRS-CarryBall-v0", 10.0, _CARRIER_PARTS, has_ball=True)
+OBSTACLE_TOUCH = Task(
+    "obstacle_touch",
+    "NCRS-ObstacleTouch-v0",
+    20.0,
+    _FEELER_PARTS,
+    has_light=True,
+    has_walls=True,
+    has_touch=True,
+)
+"""An extension of the paper's tasks."""
 
-BUILT_IN = (LIGHT_CHASE, OBSTACLE, CARRY_BALL)
+PAPER_TASKS = (LIGHT_CHASE, OBSTACLE, CARRY_BALL)
+BUILT_IN = (*PAPER_TASKS, OBSTACLE_TOUCH)
 TASKS: Registry[Task] = Registry("task", {task.name: task for task in BUILT_IN})
 
 
@@ -227,7 +245,7 @@ def get_task(task: str | Task) -> Task:
 
 def default_body(task: Task, grid_size: int) -> BodyGrid:
     """Make a small four-wheeled body, valid for the task: 3 x 3 cells in the middle of the grid."""
-    sensors = "LTL" if task.has_ball else "L#L"
+    sensors = "LTL" if task.has_ball else "LCL" if task.has_touch else "L#L"
     rows = np.full((grid_size, grid_size), ".", dtype="<U1")
     corner = (grid_size - 3) // 2
     core = [list(row) for row in (sensors, "W#W", "W#W")]
@@ -266,7 +284,7 @@ class TaskSettings:
     """
 
     name: str = "light_chase"
-    """"light_chase", "obstacle" or "carry_ball"."""
+    """"light_chase", "obstacle", "carry_ball", or the extension "obstacle_touch"."""
     grid_size: int = DEFAULT_GRID_SIZE
     """Side n of the body grid, at least 3."""
     distance_score: str = "exponential"

@@ -99,7 +99,10 @@ def test_a_module_named_in_the_environment_is_found(tmp_path):
     named = {"PYTHONPATH": str(tmp_path), "NCRS_EXTENSIONS": "lab_tasks"}
     unknown = train(tmp_path, "optimizer=yours", **named)
     assert unknown.returncode == 2
-    assert "choose one of cma_es, cma_mae, cma_me, iso_cma_es, map_elites, mine" in unknown.stderr
+    assert (
+        "choose one of cma_es, cma_mae, cma_me, drafts, iso_cma_es, map_elites, mine"
+        in unknown.stderr
+    )
 
 
 @pytest.fixture

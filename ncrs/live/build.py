@@ -23,7 +23,7 @@ from ncrs.runs.checkpoint import write_atomically
 from ncrs.runs.seeds import Stream, seed_sequence
 from ncrs_envs.body import body_to_characters
 from ncrs_envs.scenario import sample_scenarios
-from ncrs_envs.tasks import BUILT_IN, REGIONS, TaskSettings
+from ncrs_envs.tasks import PAPER_TASKS, REGIONS, TaskSettings
 
 GRID_SIZES = (5, 7, 9)
 """Sides of the grids that a page offers, besides those of its robots."""
@@ -147,7 +147,7 @@ def _settings(robots: Sequence[LiveRobot]) -> list[TaskSettings]:
                 f"{name} {task.task.not_compiled}, which a page cannot run; use ncrs film or ncrs "
                 "play."
             )
-    for known in BUILT_IN:
+    for known in PAPER_TASKS:
         tasks.setdefault(known.name, TaskSettings(known.name))
     sizes = {robot.robot.task.grid_size for robot in robots} | set(GRID_SIZES)
     return [

@@ -19,6 +19,7 @@ from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings, playfield
 _COLORS: Mapping[str, canvas.Color] = {
     "amber": canvas.AMBER,
     "sky": canvas.SKY,
+    "rose": canvas.ROSE,
     "green": canvas.GREEN,
     "vermilion": canvas.VERMILION,
     "white": canvas.WHITE,

@@ -70,7 +70,8 @@ class TrainConfig:
     curriculum_generations: int = 500
     """Generations over which a curriculum's scenarios become the task's own."""
     symmetric: bool = True
-    """Search only automata that treat left and right alike, which makes steering easier to find."""
+    """Search only automata that treat left and right alike, which makes steering easier to find;
+    without effect on drafts, whose controllers tell left from right."""
     objective: str = FITNESS
     """Value that the optimizer maximises: fitness, the mean reward; soft_success, the fraction of
     successes, where failures count more the nearer they came; or the name of a registered one."""
@@ -109,11 +110,6 @@ class TrainConfig:
         except SeedError as error:
             raise ConfigError(str(error)) from error
         self._check_space()
-        if self.symmetric and not self.optimizer.may_be_symmetric:
-            raise ConfigError(
-                f"{self.optimizer.name} makes genomes that do not treat left and right alike; set "
-                "symmetric=false."
-            )
         mirroring = self.sampling().mirroring
         if self.episodes % 2 and mirroring != "none":
             raise ConfigError(

@@ -173,4 +173,6 @@ class Search:
     def _searched(self, points: Genomes) -> Genomes:
         """Return the genomes of points, the nearest symmetric ones if only those are searched."""
         genomes = self._space.genomes(points)
-        return self._layout.symmetric(genomes) if self._config.symmetric else genomes
+        config = self._config
+        is_symmetric = config.symmetric and config.optimizer.may_be_symmetric
+        return self._layout.symmetric(genomes) if is_symmetric else genomes

@@ -14,7 +14,7 @@ from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
 from ncrs_envs.body import CELL_SIZE, BodyGrid, Cell, cell_centers
-from ncrs_envs.canvas import AMBER, SKY, TISSUE, WHEEL_BASE, Color
+from ncrs_envs.canvas import AMBER, ROSE, SKY, TISSUE, WHEEL_BASE, Color
 from ncrs_envs.tasks import Task
 
 _EDGE = "#30343c"
@@ -28,6 +28,7 @@ _FILL = {
     Cell.TISSUE: _hex(TISSUE),
     Cell.LIGHT_SENSOR: "#f2f2f2",
     Cell.TARGET_SENSOR: "#f2f2f2",
+    Cell.TOUCH_SENSOR: "#f2f2f2",
     Cell.WHEEL: _hex(WHEEL_BASE),
 }
 
@@ -57,6 +58,8 @@ def _marks(cell: Cell, x: float, y: float) -> list[Patch]:
     if cell is Cell.TARGET_SENSOR:
         corners = [(x - 0.8, y), (x, y - 0.8), (x + 0.8, y), (x, y + 0.8)]
         return [Polygon(corners, fc=_hex(SKY), ec=_EDGE, lw=0.6)]
+    if cell is Cell.TOUCH_SENSOR:
+        return [Rectangle((x - 0.65, y - 0.65), 1.3, 1.3, fc=_hex(ROSE), ec=_EDGE, lw=0.6)]
     if cell is Cell.WHEEL:
         return [Polygon([(x - 0.55, y - 0.45), (x + 0.55, y - 0.45), (x, y + 0.6)], fc="white")]
     return []
@@ -64,8 +67,15 @@ def _marks(cell: Cell, x: float, y: float) -> list[Patch]:
 
 def cell_legend(cells: NDArray[np.integer], tasks: Sequence[Task]) -> list[Line2D]:
     """Make legend handles for the cell types among ``cells``, named as in ``tasks``."""
-    markers = {Cell.TISSUE: "s", Cell.LIGHT_SENSOR: "o", Cell.TARGET_SENSOR: "D", Cell.WHEEL: "^"}
-    colors = {**_FILL, Cell.LIGHT_SENSOR: _hex(AMBER), Cell.TARGET_SENSOR: _hex(SKY)}
+    markers = {
+        Cell.TISSUE: "s",
+        Cell.LIGHT_SENSOR: "o",
+        Cell.TARGET_SENSOR: "D",
+        Cell.TOUCH_SENSOR: "s",
+        Cell.WHEEL: "^",
+    }
+    sensors = {Cell.LIGHT_SENSOR: AMBER, Cell.TARGET_SENSOR: SKY, Cell.TOUCH_SENSOR: ROSE}
+    colors = {**_FILL, **{cell: _hex(color) for cell, color in sensors.items()}}
     handles = []
     for cell, marker in markers.items():
         if (cells == cell).any():

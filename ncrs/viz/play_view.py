@@ -10,7 +10,18 @@ import numpy as np
 from ncrs.viz.play_session import Lane, PlaySession
 from ncrs.viz.stills import Lettering, Picture, ground, write
 from ncrs_envs.body import Cell, sensor_mask
-from ncrs_envs.canvas import AMBER, BORDER, GREEN, SENSOR_BASE, SKY, TISSUE, VERMILION, WHITE, Color
+from ncrs_envs.canvas import (
+    AMBER,
+    BORDER,
+    GREEN,
+    ROSE,
+    SENSOR_BASE,
+    SKY,
+    TISSUE,
+    VERMILION,
+    WHITE,
+    Color,
+)
 from ncrs_envs.rendering import draw_body, draw_scene
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, Task
 
@@ -23,10 +34,11 @@ _PALETTE = 30
 _BETWEEN = 8
 _TEXT = 14
 _BARS = 110
+_SENSOR_COLORS = {Cell.LIGHT_SENSOR: AMBER, Cell.TARGET_SENSOR: SKY, Cell.TOUCH_SENSOR: ROSE}
 _KEYS = (
     "arrows or WASD   drive",
     "R   restart      N   next scenario",
-    "0-4 or a click   choose a cell",
+    "0-5 or a click   choose a cell",
     "left button   put it into the body",
     "right button   remove a cell",
     "+ and -   speed      Esc   quit",
@@ -167,7 +179,7 @@ def _sensors(picture: Picture, session: PlaySession, left: int, top: int) -> Pic
     for index, (row, column) in enumerate(places[: room - (len(places) > room)]):
         y = top + 24 + 18 * index
         value = float(values[row, column])
-        color = AMBER if body[row, column] == Cell.LIGHT_SENSOR else SKY
+        color = _SENSOR_COLORS[Cell(int(body[row, column]))]
         picture[y : y + 12, left : left + _BARS] = SENSOR_BASE
         picture[y : y + 12, left : left + round(_BARS * value)] = color
         at = (left + _BARS + 8, y + 6)

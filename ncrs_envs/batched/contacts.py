@@ -83,6 +83,7 @@ def move_with_contacts(world: World, state: State) -> None:
 def move_if_free(world: World, state: State) -> bool:
     """Move robot and ball for one step if the robot can touch nothing in it, else return False."""
     state.touched = False
+    state.contact_count = 0
     if not _is_free(world, state):
         state.clearance = 0.0
         return False
@@ -104,6 +105,7 @@ def _move(world: World, state: State) -> None:
 def move_in_contact(world: World, state: State, count: int) -> None:
     """Solve the velocities at ``count`` contact points, move for one step and correct overlaps."""
     contacts = world.contacts[:count]
+    state.contact_count = count
     if count > 0:
         state.touched = True
         solve_velocities(world.robot, state, contacts, True)
@@ -125,6 +127,7 @@ def move_back(state: State, start: Pose, time: float) -> None:
 def solve_impact(world: World, state: State, count: int) -> None:
     """Correct overlaps at ``count`` contact points where a move was cut, and solve velocities."""
     contacts = world.contacts[:count]
+    state.contact_count = count
     state.touched = True
     correct_positions(world.robot, state, contacts, _AT_IMPACT)
     solve_velocities(world.robot, state, contacts, False)

@@ -79,6 +79,8 @@ class State(Record):
     """True if the grid's centre has ever been above y = 0."""
     touched: bool
     """True if the robot touched the light, the ball or a wall in the last step."""
+    contact_count: int
+    """Number of the world's contacts at the last solve of the last step; 0 if there was none."""
     memory_count: int
     memories: Annotated[NDArray[Memory], MAX_MEMORIES]
 
@@ -117,6 +119,9 @@ class Sensor(Record):
     place: int
     """Flat grid index."""
     senses_target: bool
+    senses_touch: bool
+    exposed: int
+    """Index among the exposed cells; -1 for a cell without a free side."""
     x: float
     y: float
 

@@ -160,6 +160,17 @@ def touch_quad(world: World, thing: int, cell: int, frame: Frame, count: int) ->
 
 
 @kernel
+def touches_wall(world: World, count: int, cell: int) -> bool:
+    """Return True if an exposed cell has one of the first ``count`` contact points, with a wall."""
+    exposed = world.robot.exposed_count
+    for i in range(count):
+        thing_and_cell = world.contacts[i].key // _FEATURES
+        if thing_and_cell >= exposed and thing_and_cell % exposed == cell:
+            return True
+    return False
+
+
+@kernel
 def circle_of(world: World, state: State) -> Circle:
     """Return the light, or the ball at its present place."""
     has_ball = world.settings.has_ball

@@ -22,6 +22,7 @@ _CELL_MASS = np.array([CELL_DENSITY[cell] * CELL_SIZE**2 for cell in Cell])
 _EMPTY = int(Cell.EMPTY)
 _LIGHT_SENSOR = int(Cell.LIGHT_SENSOR)
 _TARGET_SENSOR = int(Cell.TARGET_SENSOR)
+_TOUCH_SENSOR = int(Cell.TOUCH_SENSOR)
 _WHEEL = int(Cell.WHEEL)
 _HALF_DIAGONAL = 0.5 * CELL_SIZE * 2.0**0.5
 # |1 - dt * rate| exceeds 1 by more than the tolerance if and only if the rate exceeds this.
@@ -113,10 +114,12 @@ def prepare_robot(
             wheel: Wheel = wheels[wheel_count]
             wheel.place = place
             wheel_count += 1
-        elif code in (_LIGHT_SENSOR, _TARGET_SENSOR):
+        elif code in (_LIGHT_SENSOR, _TARGET_SENSOR, _TOUCH_SENSOR):
             sensor: Sensor = sensors[sensor_count]
             sensor.place = place
             sensor.senses_target = code == _TARGET_SENSOR
+            sensor.senses_touch = code == _TOUCH_SENSOR
+            sensor.exposed = exposed_count if _is_exposed(body, row, column) else -1
             sensor.x = x
             sensor.y = y
             sensor_count += 1

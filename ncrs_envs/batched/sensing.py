@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.batched.dynamics import grid_center
 from ncrs_envs.batched.layout import Sensor, Settings, State, World
+from ncrs_envs.batched.manifolds import touches_wall
+from ncrs_envs.physics import TOUCH_DECAY
 
 
 @kernel
@@ -31,15 +33,22 @@ def _goal(world: World, state: State) -> tuple[float, float]:
 
 @kernel
 def sense(world: World, state: State, observation: NDArray[np.floating]) -> None:
-    """Write the sensor values in (0, 1] into the sensor cells of a flat grid.
+    """Write the sensor values in [0, 1] into the sensor cells of a flat grid.
 
-    Other cells are not changed; ``simulate.reset_episode`` sets them to 0.
+    Touch sensors read their last value there. Other cells are not changed;
+    ``simulate.reset_episode`` sets them to 0.
     """
     goal_x, goal_y = _goal(world, state)
     cos = state.cos
     sin = state.sin
     for i in range(world.robot.sensor_count):
         sensor: Sensor = world.sensors[i]
+        if sensor.senses_touch:
+            if touches_wall(world, state.contact_count, sensor.exposed):
+                observation[sensor.place] = 1.0
+            else:
+                observation[sensor.place] *= TOUCH_DECAY
+            continue
         x = state.x + cos * sensor.x - sin * sensor.y
         y = state.y + sin * sensor.x + cos * sensor.y
         if sensor.senses_target:

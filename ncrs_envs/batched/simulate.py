@@ -64,6 +64,7 @@ def reset_episode(world: World, state: State, observation: NDArray[np.floating])
     state.success = False
     state.crossed = False
     state.touched = False
+    state.contact_count = 0
     state.memory_count = 0
     for place in range(observation.shape[0]):
         observation[place] = 0.0

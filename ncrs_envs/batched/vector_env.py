@@ -44,6 +44,7 @@ from ncrs_envs.tasks import (
     LIGHT_CHASE,
     MAX_EPISODE_STEPS,
     OBSTACLE,
+    OBSTACLE_TOUCH,
     Task,
     TaskSettings,
     default_body,
@@ -394,3 +395,9 @@ class CarryBallVectorEnv(RobotVectorEnv):
     """Many robots, each pushing a ball to a target area; see ``CarryBallEnv``."""
 
     task = CARRY_BALL
+
+
+class ObstacleTouchVectorEnv(RobotVectorEnv):
+    """Many robots, each feeling for a passage to a light; see ``ObstacleTouchEnv``."""
+
+    task = OBSTACLE_TOUCH

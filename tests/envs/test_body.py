@@ -75,7 +75,7 @@ def test_characters_are_the_inverse_of_parsing(rng):
         (np.zeros((5, 5)), "dtype float64"),
         (np.full((5, 5), np.nan), "dtype float64"),
         (np.zeros((5, 5), dtype=bool), "dtype bool"),
-        (np.full((5, 5), 5), r"unknown cell codes \[5\]"),
+        (np.full((5, 5), 6), r"unknown cell codes \[6\]"),
         (np.full((5, 5), -1), r"unknown cell codes \[-1\]"),
         ([[0, 1, 2], [0, 1], [0]], "rows differ in length"),
         (["...", "..", "..."], r"rows differ in length: \[3, 2, 3\].*empty cell as '\.'"),

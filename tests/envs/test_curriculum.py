@@ -10,7 +10,10 @@ from ncrs_envs.tasks import TASKS, get_task
 
 NAMES = [name for name in CURRICULA if name != "none"]
 SUITABLE = [
-    (task, name) for task in TASKS for name in NAMES if (task, name) != ("obstacle", "reverse")
+    (task, name)
+    for task in TASKS
+    for name in NAMES
+    if not (get_task(task).has_walls and name == "reverse")
 ]
 
 

@@ -18,25 +18,29 @@ from ncrs_envs.tasks import (
     playfield,
 )
 
+SECOND_SENSOR = {"carry_ball": Cell.TARGET_SENSOR, "obstacle_touch": Cell.TOUCH_SENSOR}
 
-def _correct_parts(body, carry):
+
+def _correct_parts(body, second):
     """The rule spelled out: one of each sensor the task needs, and two wheels."""
     parts = min(int((body == Cell.LIGHT_SENSOR).sum()), 1)
     parts += min(int((body == Cell.WHEEL).sum()), 2)
-    return parts + (min(int((body == Cell.TARGET_SENSOR).sum()), 1) if carry else 0)
+    return parts + (min(int((body == second).sum()), 1) if second else 0)
 
 
 @pytest.mark.parametrize("name", TASKS)
 def test_validity_and_credit_follow_the_rule(name, rng):
     task = TASKS[name]
-    carry = name == "carry_ball"
-    shares = rng.dirichlet([2.0, 2.0, 1.0, 1.0 if carry else 0.05, 2.0], size=300)
-    bodies = np.stack([rng.choice(5, (3, 3), p=p) for p in shares])
+    second = SECOND_SENSOR.get(name)
+    target, touch = (1.0 if second == cell else 0.05 for cell in list(Cell)[3::2])
+    shares = rng.dirichlet([2.0, 2.0, 1.0, target, 2.0, touch], size=300)
+    bodies = np.stack([rng.choice(6, (3, 3), p=p) for p in shares])
     valid, credit = task.is_valid(bodies), task.partial_credit(bodies)
     for body, is_valid, fitness in zip(bodies, valid, credit, strict=True):
-        parts = _correct_parts(body, carry)
-        foreign = not carry and bool((body == Cell.TARGET_SENSOR).any())
-        assert is_valid == (parts == (4 if carry else 3) and not foreign)
+        parts = _correct_parts(body, second)
+        others = set(SECOND_SENSOR.values()) - {second}
+        foreign = any(bool((body == cell).any()) for cell in others)
+        assert is_valid == (parts == (4 if second else 3) and not foreign)
         assert fitness == pytest.approx(0.01 * parts)
         if is_valid:
             task.check_body(parse_body(body))

@@ -18,7 +18,7 @@ from ncrs.runs.published import ChampionError, champions_folder, file_stem
 from ncrs.runs.settings import config_from_dict
 from ncrs.runs.sources import SourceError, load_robot
 from ncrs.training.hydra import register, train_config
-from ncrs_envs.tasks import TASKS
+from ncrs_envs.tasks import PAPER_TASKS
 
 ROOT = Path(__file__).parents[2]
 RECIPES = ("best", "cma_es", "cma_me")
@@ -27,7 +27,7 @@ CURRICULUM = "light_chase/curriculum"
 COMPILED = "carry_ball/compiled"
 """Robot by hand whose gains were searched."""
 NAMES = sorted(
-    [*(f"{task}/{recipe}" for task in TASKS for recipe in RECIPES), CURRICULUM, COMPILED]
+    [*(f"{task.name}/{recipe}" for task in PAPER_TASKS for recipe in RECIPES), CURRICULUM, COMPILED]
 )
 
 
@@ -84,7 +84,7 @@ def test_a_damaged_card_is_recognised(tmp_path, monkeypatch):
         ncrs.load_champion("light_chase/best")
 
 
-EXPERIMENTS = {f"{task}/best": f"best/{task}" for task in sorted(TASKS)} | {
+EXPERIMENTS = {f"{task.name}/best": f"best/{task.name}" for task in PAPER_TASKS} | {
     COMPILED: "best/carry_ball_compiled"
 }
 

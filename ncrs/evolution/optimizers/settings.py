@@ -41,7 +41,7 @@ class OptimizerSettings:
 
     min_population: ClassVar[int] = 1
     may_be_symmetric: ClassVar[bool] = True
-    """False if the nearest symmetric genomes are not what it means."""
+    """False if its genomes must not be made symmetric, since they tell left from right."""
 
     def __post_init__(self) -> None:
         check_types(self, OptimizerError)

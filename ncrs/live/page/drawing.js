@@ -57,6 +57,12 @@
     fillPolygon(context, [[-reach, 0], [0, -reach], [reach, 0], [0, reach]], color);
   }
 
+  // The colour of a sensor, by its character.
+  function sensorColor(character) {
+    const { palette } = NCRSDrawing.world;
+    return { T: palette.sky, C: palette.rose }[character] ?? palette.amber;
+  }
+
   // One cell, centred on the origin, of side 2; value is a sensor's, gas a wheel's. The shapes and
   // colours are those of ncrs_envs.rendering.
   function drawCell(context, character, value, gas) {
@@ -68,7 +74,10 @@
     };
     fill(palette.cell_edge, -1, -1, 2, 2);
     fill(cell.senses || cell.drives ? palette.sensor_base : palette.tissue, -0.92, -0.92, 1.84, 1.84);
-    if (character === "T") {
+    if (character === "C") {
+      fill(palette.rose, -0.8, -0.8, 1.6, 1.6);
+      fill(lit(palette.rose, value), -0.55, -0.55, 1.1, 1.1);
+    } else if (character === "T") {
       fillDiamond(context, 0.98, palette.sky);
       fillDiamond(context, 0.66, lit(palette.sky, value));
     } else if (cell.senses) {
@@ -264,5 +273,5 @@
     drawCell(context, character, 1, 0);
   }
 
-  Object.assign(NCRSDrawing, { surface, mix, drawBody, drawRobot, drawField, drawWalls, drawGoals, drawEpisode, drawChannel, drawSwatch });
+  Object.assign(NCRSDrawing, { surface, mix, sensorColor, drawBody, drawRobot, drawField, drawWalls, drawGoals, drawEpisode, drawChannel, drawSwatch });
 })();

@@ -91,7 +91,7 @@
     function eachCell(visit) {
       const { body } = app.session, n = world().gridSize;
       const cells = [];
-      for (const cell of Object.values(world().cells)) cells[cell.code] = cell;
+      for (const [character, cell] of Object.entries(world().cells)) cells[cell.code] = { ...cell, character };
       for (let i = 0; i < n * n; i++) {
         const cell = cells[body.data[i]];
         visit(cell, i, ((i % n) - (n - 1) / 2) * 2, (Math.floor(i / n) - (n - 1) / 2) * 2);
@@ -114,7 +114,7 @@
       context.globalCompositeOperation = "lighter";
       eachCell((cell, i, x, y) => {
         if (!cell.senses) return;
-        const hue = cell.code === 3 ? world().palette.sky : world().palette.amber;
+        const hue = NCRSDrawing.sensorColor(cell.character);
         glow(context, [x, -y], 2.6, hue, 0.5 * app.session.sensed.data[i] ** 2);
       });
       context.globalCompositeOperation = "source-over";
