@@ -117,7 +117,7 @@ RUNS: Mapping[str, Mapping[str, str]] = {
         "optimizer": "drafts",
         "optimizer.population": "16",
         "optimizer.descent_steps": "60",
-        "symmetric": "false",
+        "task": "obstacle_touch",
         "generations": "2",
     },
     "map_elites_carry": {

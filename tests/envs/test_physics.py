@@ -21,7 +21,7 @@ FLIMSY = ["W...W", ".....", "..L..", ".....", "W...W"]
 def test_constants_are_the_papers():
     assert (WHEEL_THRUST, WHEEL_FORWARD_FRICTION, WHEEL_SIDE_FRICTION) == (1000.0, 20.0, 100.0)
     assert DT == 0.02
-    assert [CELL_DENSITY[c] for c in Cell] == [0.0, 1.0, 1.0, 1.0, 0.1]
+    assert [CELL_DENSITY[c] for c in Cell] == [0.0, 1.0, 1.0, 1.0, 0.1, 1.0]
 
 
 @pytest.mark.parametrize("n", [3, 5, 9])

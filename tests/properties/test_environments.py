@@ -20,7 +20,11 @@ from ncrs_envs.errors import NCRSError
 from tests.properties.attempts import few_examples
 
 COUNT = 2
-BODIES = ["L#L/W#W/W#W", "WLW/.#./WLW", "TLT/WWW/W.W", "LTL/W.W/W#W"]
+BODIES = {
+    "carry_ball": ["TLT/WWW/W.W", "LTL/W.W/W#W"], "obstacle_touch": ["CLC/WWW/W.W", "LCL/W.W/W#W"]
+}  # fmt: skip
+PLAIN = ["L#L/W#W/W#W", "WLW/.#./WLW"]
+ALL = sum(BODIES.values(), PLAIN)
 """Two without target sensors, for two of the tasks, and two with them, for CarryBall."""
 PLACE = 1e-3
 """Largest distance between the simulators' robots, in units, before anything is touched."""
@@ -33,7 +37,7 @@ class Calls(RuleBasedStateMachine):
 
     @property
     def bodies(self):
-        return BODIES[2:] if self.task == "carry_ball" else BODIES[:2]
+        return BODIES.get(self.task, PLAIN)
 
     @initialize(limit=st.integers(2, 30))
     def make(self, limit):
@@ -61,7 +65,7 @@ class Calls(RuleBasedStateMachine):
     @rule(
         seed=st.integers(0, 2**31),
         region=st.none() | st.integers(0, 3),
-        body=st.none() | st.sampled_from(BODIES),
+        body=st.none() | st.sampled_from(ALL),
     )
     def reset(self, seed, region, body):
         options = {"region": region, "body": body}
