@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from ncrs.automaton.control import Controller as Controller
     from ncrs.automaton.grow_to import grow_to as grow_to
     from ncrs.automaton.growth import grow as grow
+    from ncrs.automaton.keras_order import convert_keras_genome as convert_keras_genome
+    from ncrs.automaton.keras_order import convert_to_keras as convert_to_keras
     from ncrs.automaton.nca import NCA as NCA
     from ncrs.automaton.nca import NCAPopulation as NCAPopulation
     from ncrs.engines.base import Evaluation as Evaluation
@@ -38,6 +40,8 @@ _HOMES = {
     "NCAPopulation": "ncrs.automaton.nca",
     "TrainedRun": "ncrs.training.api",
     "champions": "ncrs.runs.published",
+    "convert_keras_genome": "ncrs.automaton.keras_order",
+    "convert_to_keras": "ncrs.automaton.keras_order",
     "evaluate": "ncrs.engines.evaluate",
     "grow": "ncrs.automaton.growth",
     "grow_to": "ncrs.automaton.grow_to",
