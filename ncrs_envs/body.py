@@ -44,13 +44,15 @@ CELL_SIZE = 2.0
 MIN_GRID_SIZE = 3
 DEFAULT_GRID_SIZE = 5
 
+HULL_DENSITY = 1.0
+"""Default density of the hull, which is all cells but the wheels."""
 CELL_DENSITY: Mapping[Cell, float] = {
     Cell.EMPTY: 0.0,
-    Cell.TISSUE: 1.0,
-    Cell.LIGHT_SENSOR: 1.0,
-    Cell.TARGET_SENSOR: 1.0,
+    Cell.TISSUE: HULL_DENSITY,
+    Cell.LIGHT_SENSOR: HULL_DENSITY,
+    Cell.TARGET_SENSOR: HULL_DENSITY,
     Cell.WHEEL: 0.1,
-    Cell.TOUCH_SENSOR: 1.0,
+    Cell.TOUCH_SENSOR: HULL_DENSITY,
 }
 """Mass per unit of area."""
 
@@ -242,7 +244,13 @@ class MassProperties:
     inertia: float
 
 
-def mass_properties(body: BodyGrid) -> MassProperties:
+def cell_densities(hull_density: float = HULL_DENSITY) -> NDArray[np.float64]:
+    """Return the density of each cell code, with another one for the hull."""
+    factor = hull_density / HULL_DENSITY
+    return np.array([CELL_DENSITY[c] * (1.0 if c is Cell.WHEEL else factor) for c in Cell])
+
+
+def mass_properties(body: BodyGrid, hull_density: float = HULL_DENSITY) -> MassProperties:
     """Compute the mass properties of the rigid body that all occupied cells form.
 
     Each cell is a solid square: mass ``density * side^2`` and inertia ``mass * side^2 / 6`` about
@@ -251,7 +259,7 @@ def mass_properties(body: BodyGrid) -> MassProperties:
     Raises:
         BodyError: All cells are empty.
     """
-    density = np.array([CELL_DENSITY[cell] for cell in Cell])
+    density = cell_densities(hull_density)
     masses = density[body] * CELL_SIZE**2
     mass = float(masses.sum())
     if mass == 0.0:

@@ -1,9 +1,9 @@
 """One robot and its scenario as a Box2D world: build, step, read poses. No task rules here.
 
 The robot is one rigid body with a square fixture per cell: in the jointed construction of the
-published runs every joint is locked, so the motion is the same. Every episode gets a new world,
-since a reused one keeps its contact order and is not deterministic. For the same reason a copy of a
-world is made by repeating its steps.
+published runs (``ncrs_envs.box2d_jointed``) every joint is locked, so that most bodies move in the
+same way. Every episode gets a new world, since a reused one keeps its contact order and is not
+deterministic. For the same reason a copy of a world is made by repeating its steps.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs_envs.body import CELL_DENSITY, CELL_SIZE, BodyGrid, Cell, cell_centers
+from ncrs_envs.body import CELL_SIZE, BodyGrid, Cell, cell_centers, cell_densities
 from ncrs_envs.physics import (
     BALL_DENSITY,
     BALL_DRAG,
@@ -73,7 +73,7 @@ class _Definitions(threading.local):
         return self._of_circle
 
 
-_DEFINITIONS = _Definitions()
+DEFINITIONS = _Definitions()
 
 
 class RobotWorld:
@@ -81,37 +81,42 @@ class RobotWorld:
 
     Args:
         body: Cell codes of a valid body, shape ``(n, n)``.
-        wheels: Wheel model of the body.
+        wheels: Wheel model of the body, with the density of its hull.
         scenario: Placements that fit the task.
     """
 
     def __init__(self, body: BodyGrid, wheels: WheelModel, scenario: Scenario) -> None:
         self._made_of = (body, wheels, scenario)
         self._steps: list[NDArray[np.float64]] = []
-        self._wheels = wheels
+        self._body, self._wheels = body, wheels
         self._world = Box2D.b2World(gravity=(0.0, 0.0), doSleep=False)
         for quad in _solid_quads(scenario, body.shape[0]):
-            self._add_static(_DEFINITIONS.polygon(quad)).userData = _WALL
+            self._add_static(DEFINITIONS.polygon(quad)).userData = _WALL
         if scenario.light is not None:
-            self._add_static(_DEFINITIONS.circle(scenario.light, LIGHT_RADIUS, 0.0))
+            self._add_static(DEFINITIONS.circle(scenario.light, LIGHT_RADIUS, 0.0))
         self._ball = None
         if scenario.ball is not None:
-            ball = _DEFINITIONS.circle((0.0, 0.0), BALL_RADIUS, BALL_DENSITY)
+            ball = DEFINITIONS.circle((0.0, 0.0), BALL_RADIUS, BALL_DENSITY)
             self._ball = self._world.CreateDynamicBody(position=scenario.ball, fixtures=ball)
-        centers = cell_centers(body.shape[0])
         self._robot = self._world.CreateDynamicBody(position=scenario.start)
-        for row, column in np.argwhere(body != Cell.EMPTY):
+        self._add_cells(body != Cell.EMPTY)
+
+    def _add_cells(self, added: NDArray[np.bool_]) -> None:
+        """Add cells, a mask ``(n, n)``, to the robot."""
+        centers = cell_centers(len(self._body))
+        densities = cell_densities(self._wheels.hull_density)
+        for row, column in np.argwhere(added):
             x, y = centers[row, column].tolist()
-            density = CELL_DENSITY[Cell(int(body[row, column]))]
-            fixture = self._robot.CreateFixture(_DEFINITIONS.square((x, y), density))
-            fixture.userData = int(row) * body.shape[1] + int(column)
+            density = float(densities[self._body[row, column]])
+            fixture = self._robot.CreateFixture(DEFINITIONS.square((x, y), density))
+            fixture.userData = int(row) * len(self._body) + int(column)
 
     def _add_static(self, fixture: Box2D.b2FixtureDef) -> Box2D.b2Body:
         return self._world.CreateStaticBody(fixtures=fixture)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Describe the world by its parts and the gas of its steps."""
-        return _repeat, (*self._made_of, np.array(self._steps))
+        return _repeat, (type(self), *self._made_of, np.array(self._steps))
 
     def step(self, gas: NDArray[np.float64]) -> None:
         """Advance one physics step of ``DT`` seconds.
@@ -121,6 +126,15 @@ class RobotWorld:
                 be changed afterwards.
         """
         self._steps.append(gas)
+        self._push(gas)
+        if self._ball is not None:
+            velocity = self._ball.linearVelocity
+            drag = (-BALL_DRAG * velocity.x, -BALL_DRAG * velocity.y)
+            self._ball.ApplyForceToCenter(drag, True)
+        self._world.Step(DT, _VELOCITY_ITERATIONS, _POSITION_ITERATIONS)
+
+    def _push(self, gas: NDArray[np.float64]) -> None:
+        """Apply the forces of the wheels over the next step."""
         robot = self._robot
         angle, velocity = robot.angle, robot.linearVelocity
         cos, sin = math.cos(angle), math.sin(angle)
@@ -129,11 +143,6 @@ class RobotWorld:
         f_x, f_y, torque = self._wheels.wrench(gas, twist).tolist()
         robot.ApplyForceToCenter((cos * f_x - sin * f_y, sin * f_x + cos * f_y), True)
         robot.ApplyTorque(torque, True)
-        if self._ball is not None:
-            velocity = self._ball.linearVelocity
-            drag = (-BALL_DRAG * velocity.x, -BALL_DRAG * velocity.y)
-            self._ball.ApplyForceToCenter(drag, True)
-        self._world.Step(DT, _VELOCITY_ITERATIONS, _POSITION_ITERATIONS)
 
     @property
     def pose(self) -> Pose:
@@ -173,10 +182,14 @@ class RobotWorld:
 
 
 def _repeat(
-    body: BodyGrid, wheels: WheelModel, scenario: Scenario, steps: NDArray[np.float64]
+    kind: type[RobotWorld],
+    body: BodyGrid,
+    wheels: WheelModel,
+    scenario: Scenario,
+    steps: NDArray[np.float64],
 ) -> RobotWorld:
     """Build a world and repeat its steps."""
-    world = RobotWorld(body, wheels, scenario)
+    world = kind(body, wheels, scenario)
     for gas in steps:
         world.step(gas)
     return world

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ncrs_envs.body import (
     DEFAULT_GRID_SIZE,
+    HULL_DENSITY,
     BodyGrid,
     parse_body,
 )
@@ -37,6 +38,7 @@ from ncrs_envs.tasks import (
     LIGHT_CHASE,
     OBSTACLE,
     OBSTACLE_TOUCH,
+    RIGID,
     Task,
     TaskSettings,
     default_body,
@@ -69,6 +71,8 @@ class RobotEnv(_BaseEnv):
         success_radius: float | None = None,
         terminate_on_success: bool = False,
         render_size: int = DEFAULT_RENDER_SIZE,
+        construction: str = RIGID,
+        hull_density: float = HULL_DENSITY,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise OptionError(
@@ -76,7 +80,9 @@ class RobotEnv(_BaseEnv):
             )
         if grid_size is None:
             grid_size = DEFAULT_GRID_SIZE if body is None else parse_body(body).shape[0]
-        self.settings = TaskSettings(self.task.name, grid_size, distance_score, success_radius)
+        self.settings = TaskSettings(
+            self.task.name, grid_size, distance_score, success_radius, construction, hull_density
+        )
         n = self.settings.grid_size
         self.render_mode = render_mode
         self.render_size = check_render_size(render_size)
@@ -116,7 +122,7 @@ class RobotEnv(_BaseEnv):
     def _make_robot(self, body: Any) -> Robot:
         grid = parse_body(body, self.settings.grid_size)
         self.task.check_body(grid)
-        return Robot(grid)
+        return Robot(grid, self.settings.hull_density)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

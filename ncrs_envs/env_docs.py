@@ -43,7 +43,7 @@ _TEMPLATE = """{summary}
     ## Arguments
     `gymnasium.make("{env_id}", body=None, grid_size=None, render_mode=None,
     distance_score="exponential", success_radius=None, terminate_on_success=False,
-    render_size=512)`
+    render_size=512, construction="rigid", hull_density=1.0)`
     - `body`: cell codes (0 empty, 1 tissue, 2 {sensor_2}, {code_3}4 wheel{code_5}), as an array,
       nested lists or rows of characters. It stays until `reset` replaces it.
     - `grid_size`: n, at least 3; by default that of `body`, or 5 without one.
@@ -52,6 +52,9 @@ _TEMPLATE = """{summary}
     - `success_radius`: units, {radius:g} by default.
     - `terminate_on_success`: True to end an episode when it succeeds.
     - `render_size`: side of a frame in pixels.
+    - `construction`: "rigid", or "jointed" as in the published code: a hull, and a body for each
+      wheel on a locked joint. Robots whose hull is a cell or two wobble in it, and run faster.
+    - `hull_density`: density of all cells but the wheels, 0.01 to 100; a wheel has 0.1.
 
     ## Version History
     - v0: first version.

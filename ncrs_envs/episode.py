@@ -11,20 +11,28 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs_envs.body import BodyGrid, Cell, cell_centers, sensor_mask, wheel_mask
+from ncrs_envs.body import (
+    HULL_DENSITY,
+    BodyGrid,
+    Cell,
+    cell_centers,
+    sensor_mask,
+    wheel_mask,
+)
+from ncrs_envs.box2d_jointed import JointedWorld
 from ncrs_envs.box2d_world import Pose, RobotWorld
 from ncrs_envs.physics import TOUCH_DECAY, WheelModel, wheel_model
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Point, Scenario, wall_quads
-from ncrs_envs.tasks import TaskError, TaskSettings, distance_score, playfield
+from ncrs_envs.tasks import JOINTED, TaskError, TaskSettings, distance_score, playfield
 
 
 class Robot:
     """A valid body, with its wheel model and sensors computed once for all episodes."""
 
-    def __init__(self, body: BodyGrid) -> None:
+    def __init__(self, body: BodyGrid, hull_density: float = HULL_DENSITY) -> None:
         self.body = body
-        self.wheels: WheelModel = wheel_model(body)
+        self.wheels: WheelModel = wheel_model(body, hull_density)
         self.sensor_mask = sensor_mask(body)
         self.wheel_mask = wheel_mask(body)
         self.sensor_cells = np.flatnonzero(self.sensor_mask)
@@ -41,7 +49,7 @@ class Episode:
 
     Args:
         settings: Task and its settings.
-        robot: Robot with a body that is valid for the task.
+        robot: Robot with a body that is valid for the task, and with the settings' hull density.
         scenario: Placements that fit the task.
     """
 
@@ -49,7 +57,8 @@ class Episode:
         self.settings = settings
         self.robot = robot
         self.scenario = scenario
-        self.world = RobotWorld(robot.body, robot.wheels, scenario)
+        world = JointedWorld if settings.construction == JOINTED else RobotWorld
+        self.world = world(robot.body, robot.wheels, scenario)
         self.success = False
         self.crossed = False
         self._task = settings.task

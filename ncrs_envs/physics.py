@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.body import (
+    HULL_DENSITY,
     BodyGrid,
     MassProperties,
     cell_centers,
@@ -44,6 +45,9 @@ BALL_DRAG = 1.0
 TARGET_SIDE = 10.0
 """Side of the square target area, which collides with nothing."""
 
+JOINT_TORQUE = 162_000.0
+"""Maximum torque with which a joint holds a wheel of the jointed construction in place."""
+
 MAX_TRANSLATION = 2.0
 """Maximum translation of a body in one step, in units (Box2D's limit)."""
 MAX_ROTATION_RAD = 0.5 * np.pi
@@ -61,6 +65,8 @@ class WheelModel:
     is ``thrust @ g - damping @ u``.
     """
 
+    hull_density: float
+    """Density of all cells but the wheels."""
     mass_properties: MassProperties
     wheel_cells: NDArray[np.intp]
     """Flat grid indices of the wheels, row by row, shape ``(wheels,)``."""
@@ -85,7 +91,7 @@ class WheelModel:
         return self.solver @ explicit if self.implicit else explicit
 
 
-def wheel_model(body: BodyGrid) -> WheelModel:
+def wheel_model(body: BodyGrid, hull_density: float = HULL_DENSITY) -> WheelModel:
     """Build the wheel model of a body with at least one cell.
 
     Explicit friction multiplies the twist by ``1 - dt M^-1 D`` each step, with
@@ -93,7 +99,7 @@ def wheel_model(body: BodyGrid) -> WheelModel:
     instead: ``(M + dt D) u' = M u + dt T g``. The wrench that takes ``u`` to ``u'`` is
     ``M (M + dt D)^-1`` times the explicit wrench; ``solver`` holds this matrix.
     """
-    properties = mass_properties(body)
+    properties = mass_properties(body, hull_density)
     wheel_cells = np.flatnonzero(wheel_mask(body))
     points = cell_centers(body.shape[0]).reshape(-1, 2)[wheel_cells] - properties.center
     x, y = points[:, 0], points[:, 1]
@@ -107,6 +113,7 @@ def wheel_model(body: BodyGrid) -> WheelModel:
     implicit = bool(np.max(np.abs(1.0 - DT * rates)) > 1.0 + STABILITY_TOLERANCE)
     solver = inertia @ np.linalg.inv(inertia + DT * damping) if implicit else np.eye(3)
     return WheelModel(
+        hull_density=hull_density,
         mass_properties=properties,
         wheel_cells=wheel_cells,
         thrust=WHEEL_THRUST * forward,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ncrs_envs.body import (
     DEFAULT_GRID_SIZE,
+    HULL_DENSITY,
     BodyError,
     BodyGrid,
     Cell,
@@ -30,6 +31,12 @@ if TYPE_CHECKING:
     from ncrs_envs.scenario import Scenario
 
 DISTANCE_SCORES = ("exponential", "inverse_square")
+
+RIGID, JOINTED = "rigid", "jointed"
+CONSTRUCTIONS = (RIGID, JOINTED)
+"""Constructions of a robot: one rigid body; or a hull with a body for each wheel, on a joint."""
+HULL_DENSITIES = (0.01, 100.0)
+"""Smallest and largest density of the hull."""
 
 MAX_EPISODE_STEPS = 100
 PARTIAL_CREDIT = 0.01
@@ -116,11 +123,6 @@ class Task:
             raise TaskError(f"{self.name} must have either a light or a ball with its target.")
         if self.has_touch and (self.has_ball or not self.has_walls):
             raise TaskError(f"{self.name} needs a light and walls for its touch sensors.")
-
-    @property
-    def needs_box2d(self) -> bool:
-        """True if only Box2D can run it."""
-        return self.not_compiled is not None
 
     @property
     def not_compiled(self) -> str | None:
@@ -273,13 +275,32 @@ def check_success_radius(radius: Any, task: Task) -> float:
     return float(radius)
 
 
+def check_construction(construction: Any) -> str:
+    """Return ``construction`` if it is a known one, else raise ``TaskError``."""
+    if construction not in CONSTRUCTIONS:
+        raise TaskError(f"construction must be one of {list(CONSTRUCTIONS)}, got {construction!r}.")
+    return str(construction)
+
+
+def check_hull_density(density: Any) -> float:
+    """Return the hull's density, else raise ``TaskError``."""
+    lowest, highest = HULL_DENSITIES
+    is_number = isinstance(density, int | float | np.number) and not isinstance(density, bool)
+    if not is_number or not lowest <= density <= highest:
+        raise TaskError(
+            f"hull_density must be a number from {lowest:g} to {highest:g}, got {density!r}."
+        )
+    return float(density)
+
+
 # Not frozen: OmegaConf makes frozen dataclasses read-only, so nothing could be overridden.
 @dataclass
 class TaskSettings:
     """A task with the settings that users may change, checked on creation.
 
     Raises:
-        TaskError: The task or score is unknown, or the success radius is not positive and finite.
+        TaskError: The task, score or construction is unknown, or the success radius or the hull's
+            density is out of range.
         BodyError: ``grid_size`` is not an integer of at least 3.
     """
 
@@ -291,11 +312,18 @@ class TaskSettings:
     """"exponential" or "inverse_square", the score of the paper's published CarryBall runs."""
     success_radius: float | None = None
     """Success radius in units; null for the task's own."""
+    construction: str = RIGID
+    """Construction of the robots: rigid, one rigid body; or, on Box2D alone, jointed, a hull and a
+    body for each wheel on a locked joint, as in the published code."""
+    hull_density: float = HULL_DENSITY
+    """Density of all cells but the wheels, 0.01 to 100; on Box2D alone if it is not 1."""
 
     def __post_init__(self) -> None:
         self.grid_size = check_grid_size(self.grid_size)
         check_distance_score(self.distance_score)
         check_success_radius(self.success_radius, self.task)
+        check_construction(self.construction)
+        self.hull_density = check_hull_density(self.hull_density)
 
     @property
     def task(self) -> Task:
@@ -306,3 +334,17 @@ class TaskSettings:
     def radius(self) -> float:
         """Success radius in units, the task's own by default."""
         return check_success_radius(self.success_radius, self.task)
+
+    @property
+    def needs_box2d(self) -> bool:
+        """True if only Box2D can run the task with these settings."""
+        return self.not_compiled is not None
+
+    @property
+    def not_compiled(self) -> str | None:
+        """What only Box2D can run, to follow the task's name; None if there is nothing."""
+        if self.construction != RIGID:
+            return f"has construction={self.construction}"
+        if self.hull_density != HULL_DENSITY:
+            return f"has hull_density={self.hull_density:g}"
+        return self.task.not_compiled

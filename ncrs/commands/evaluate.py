@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from ncrs.commands import (
     ROBOTS_FOLDER,
@@ -22,6 +23,7 @@ from ncrs.runs.assessment import (
     assess,
     save_assessment,
 )
+from ncrs_envs.tasks import CONSTRUCTIONS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +36,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="number of fresh episodes; default: %(default)s",
     )
     parser.add_argument("--engine", choices=sorted(ENGINES), default=REFERENCE_ENGINE)
+    parser.add_argument(
+        "--construction",
+        choices=CONSTRUCTIONS,
+        help="construction of the robot, jointed on box2d alone; default: that of its task",
+    )
+    parser.add_argument(
+        "--hull-density",
+        type=float,
+        metavar="DENSITY",
+        help="density of all cells but the wheels, on box2d alone; default: that of its task",
+    )
     add_seed_argument(parser)
     add_output_argument(parser, ROBOTS_FOLDER)
     parser.set_defaults(action=_run)
@@ -41,11 +54,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     robot = given_robot(options)
+    built = {
+        name: value
+        for name in ("construction", "hull_density")
+        if (value := getattr(options, name)) is not None
+    }
+    robot = replace(robot, task=replace(robot.task, **built))
     result = assess(robot, episodes=options.episodes, seed=options.seed, engine=options.engine)
-    name = ASSESSMENT_FILE
-    if options.measures is not None:  # an elite's test must not pass for the champion's
-        name = f"evaluation_{'-'.join(map(str, options.measures))}.json"
+    # The test of an elite, or of another construction, must not pass for the champion's.
+    changes = [*(options.measures or ()), *built.values()]
+    name = f"evaluation_{'-'.join(map(str, changes))}.json" if changes else ASSESSMENT_FILE
     path = save_assessment(result, output_folder(options, options.robot), name)
-    print(f"{describe(robot)}, {options.episodes} fresh episodes on {options.engine}:")
+    where = ", ".join([options.engine, *(f"{key}={value}" for key, value in built.items())])
+    print(f"{describe(robot)}, {options.episodes} fresh episodes on {where}:")
     print("\n".join("  " + line for line in result.lines()))
     print_saved([path])

@@ -25,7 +25,7 @@ from ncrs_envs.errors import NCRSError
 from ncrs_envs.notices import notice
 from ncrs_envs.registry import Registry
 from ncrs_envs.scenario import Scenario, ScenarioError
-from ncrs_envs.tasks import MAX_EPISODE_STEPS, Task, TaskSettings
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 ScenarioRows = Sequence[Sequence[Scenario]]
 """One row of E scenarios for all genomes, or one row per genome."""
@@ -314,17 +314,17 @@ def register_engine(engine: type[Engine]) -> None:
 
 AUTO_ENGINE = "auto"
 """Name for the best engine that works here: ``cuda`` where there is a GPU and the package that it
-needs, else ``batched``; ``box2d`` for tasks that need it."""
+needs, else ``batched``; ``box2d`` for tasks and settings that need it."""
 
 
-def resolve_engine(name: str, task: Task | None = None) -> str:
-    """Resolve the name of an engine, for a task if it is known.
+def resolve_engine(name: str, settings: TaskSettings | None = None) -> str:
+    """Resolve the name of an engine, for a task and its settings if they are known.
 
     Raises:
         EngineSettingError: If there is no such engine.
     """
     if name == AUTO_ENGINE:
-        if task is not None and task.needs_box2d:
+        if settings is not None and settings.needs_box2d:
             return "box2d"
         return CUDA_ENGINE if has_gpu() else "batched"
     if name not in ENGINES:
@@ -391,7 +391,7 @@ def make_engine(
         EngineSettingError: The engine is unknown, its package is not installed, a setting is
             another engine's, or a GPU or a cluster cannot be used.
     """
-    resolved = resolve_engine(name, settings.task)
+    resolved = resolve_engine(name, settings)
     if resolved in _NEEDED:
         _check_installed(resolved, *_NEEDED[resolved])
     for setting in own:

@@ -113,10 +113,10 @@ class BatchedEngine(Engine):
 
 
 def check_compiled_rules(settings: TaskSettings) -> None:
-    """Raise ``EngineSettingError`` if a task has rules that are not compiled."""
-    if settings.task.needs_box2d:
+    """Raise ``EngineSettingError`` if a task or its settings have rules that are not compiled."""
+    if settings.needs_box2d:
         raise EngineSettingError(
-            f"{settings.name} {settings.task.not_compiled}, which only Box2D runs: choose the "
+            f"{settings.name} {settings.not_compiled}, which only Box2D runs: choose the "
             "engine box2d."
         )
 

@@ -98,7 +98,7 @@ def evaluate_genome(job: _Job) -> _GenomeResult:
             nothing = np.zeros(number, dtype=np.bool_)
             nowhere = np.full((number, job.settings.task.distances), np.inf)
             return _GenomeResult(body, np.zeros(number), nothing, nothing, nowhere)
-        robot = Robot(body)
+        robot = Robot(body, job.settings.hull_density)
         episodes = [Episode(job.settings, robot, scenario) for scenario in job.scenarios]
         return _GenomeResult(
             body=body,

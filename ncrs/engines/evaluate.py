@@ -13,9 +13,9 @@ from ncrs.engines.base import (
     make_engine,
     resolve_engine,
 )
-from ncrs_envs.body import DEFAULT_GRID_SIZE
+from ncrs_envs.body import DEFAULT_GRID_SIZE, HULL_DENSITY
 from ncrs_envs.scenario import Scenario, sample_scenarios
-from ncrs_envs.tasks import Task, TaskSettings, get_task
+from ncrs_envs.tasks import RIGID, Task, TaskSettings, get_task
 
 EPISODES = 12
 """Number of episodes per evaluation in the paper."""
@@ -35,6 +35,8 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
     grid_size: int = DEFAULT_GRID_SIZE,
     distance_score: str = "exponential",
     success_radius: float | None = None,
+    construction: str = RIGID,
+    hull_density: float = HULL_DENSITY,
     bodies: Any = None,
 ) -> Evaluation:
     """Grow each genome's robot and drive it through a set of scenarios.
@@ -44,7 +46,7 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
         task: Task or its name, "light_chase", "obstacle" or "carry_ball".
         engine: Engine to use: "batched" (compiled, fast), "box2d" (the reference), "dask" or
             "futures" (workers of a cluster), or "auto" for the best engine that works here:
-            batched, unless the task needs Box2D.
+            batched, unless the task or a setting needs Box2D.
         scenarios: One row of E scenarios for all genomes, or P rows of E; None to sample them.
         episodes: Number of scenarios to sample, 12 in the paper; ignored if ``scenarios`` is given.
         seed: Seed for sampling the scenarios; ignored if ``scenarios`` is given.
@@ -53,6 +55,8 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
         grid_size: Side n of the body grid.
         distance_score: Distance score, "exponential" or "inverse_square".
         success_radius: Success radius in units; None for the task's own.
+        construction: Construction of the robots, "rigid" or, on Box2D alone, "jointed".
+        hull_density: Density of all cells but the wheels; on Box2D alone if it is not 1.
         bodies: Bodies to drive instead of grown ones: a body for all genomes, or one for each, in
             any form that ``parse_body`` reads.
 
@@ -63,14 +67,17 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
     Raises:
         GenomeError: The genomes have the wrong shape, or values that are not finite.
         TaskError, ScenarioError, BodyError: A setting is out of range.
-        EngineSettingError: The engine is unknown, or ``workers`` is not a positive integer.
+        EngineSettingError: The engine is unknown or cannot use a setting, or ``workers`` is not a
+            positive integer.
         EngineError: A worker was lost.
     """
-    settings = TaskSettings(get_task(task).name, grid_size, distance_score, success_radius)
+    settings = TaskSettings(
+        get_task(task).name, grid_size, distance_score, success_radius, construction, hull_density
+    )
     checked = nca_layout(settings.task).check_genomes(genomes)
     if scenarios is None:
         scenarios = sample_scenarios(settings.task, seed, episodes, settings.grid_size)
-    engine = resolve_engine(engine, settings.task)
+    engine = resolve_engine(engine, settings)
     if workers is None and len(checked) < _WORTH_WORKERS and engine == "box2d":
         workers = 1
     with make_engine(engine, settings, workers) as running:

@@ -142,10 +142,9 @@ def _settings(robots: Sequence[LiveRobot]) -> list[TaskSettings]:
     """Return the settings of each task on each grid size; tasks of robots come first."""
     tasks = {robot.robot.task.name: robot.robot.task for robot in robots}
     for name, task in tasks.items():
-        if task.task.needs_box2d:
+        if task.needs_box2d:
             raise LiveError(
-                f"{name} {task.task.not_compiled}, which a page cannot run; use ncrs film or ncrs "
-                "play."
+                f"{name} {task.not_compiled}, which a page cannot run; use ncrs film or ncrs play."
             )
     for known in PAPER_TASKS:
         tasks.setdefault(known.name, TaskSettings(known.name))

@@ -162,9 +162,9 @@ def _write_report(
     options: ReportOptions,
     progress: Callable[[int, int], None] | None,
 ) -> Report:
-    if subject.robots.task.task.needs_box2d:
+    if subject.robots.task.needs_box2d:
         raise ReportError(
-            f"{subject.robots.task.name} {subject.robots.task.task.not_compiled}, which a report "
+            f"{subject.robots.task.name} {subject.robots.task.not_compiled}, which a report "
             "cannot show; use ncrs film or ncrs render."
         )
     check_folder(target)  # before robots are recorded, which takes long

@@ -18,6 +18,7 @@ from ncrs.runs.seeds import Stream, seed_sequence
 from ncrs.runs.statistics import NORMAL_95, wilson_interval
 from ncrs_envs.body import body_to_characters
 from ncrs_envs.scenario import sample_scenarios
+from ncrs_envs.tasks import TaskSettings
 
 EPISODES = 100
 """Number of fresh episodes in the paper's tests."""
@@ -72,6 +73,10 @@ class Assessment:
     """The body as rows of characters."""
     genome: str = ""
     """Digest of the genome that was tested, see ``genome_digest``."""
+    construction: str = TaskSettings.construction
+    """Construction of the robot that was tested."""
+    hull_density: float = TaskSettings.hull_density
+    """Density of its hull."""
 
     def fitness_interval(self) -> tuple[float, float]:
         """Compute the 95 % interval of the mean fitness."""
@@ -113,7 +118,7 @@ def assess(
     Raises:
         ScenarioError: If ``episodes`` is not a positive integer.
         SeedError: If ``seed`` is not a non-negative integer.
-        EngineSettingError: If there is no such engine.
+        EngineSettingError: If there is no such engine, or it cannot use the task's settings.
     """
     settings = robot.task
     sequence = seed_sequence(seed, Stream.ASSESSMENT)
@@ -133,6 +138,8 @@ def assess(
         crossed=crossed if settings.task.has_walls else None,
         body=body_to_characters(result.bodies[0]),
         genome=genome_digest(robot),
+        construction=settings.construction,
+        hull_density=settings.hull_density,
     )
 
 
@@ -160,7 +167,8 @@ def find_assessment(folder: Path, robot: EvolvedRobot | None) -> Assessment | No
         robot: Robot whose test is wanted; None without one.
 
     Returns:
-        The test; None if there is none, or it is of another robot or not on the reference engine.
+        The test; None if there is none, or it is of another robot, or another construction or
+        density of it, or not on the reference engine.
 
     Raises:
         CheckpointError: If the file holds something else.
@@ -183,5 +191,7 @@ def find_assessment(folder: Path, robot: EvolvedRobot | None) -> Assessment | No
             f"{path} does not hold the result of a test: {error}. Write it again "
             "with ncrs evaluate."
         ) from error
-    is_its_own = found.genome == genome_digest(robot) and found.engine == REFERENCE_ENGINE
-    return found if is_its_own else None
+    task = robot.task
+    tested = (found.genome, found.engine, found.construction, found.hull_density)
+    wanted = (genome_digest(robot), REFERENCE_ENGINE, task.construction, task.hull_density)
+    return found if tested == wanted else None

@@ -85,6 +85,8 @@ class Elite(EvolvedRobot):
             grid_size=self.task.grid_size,
             distance_score=self.task.distance_score,
             success_radius=self.task.success_radius,
+            construction=self.task.construction,
+            hull_density=self.task.hull_density,
         )
 
 

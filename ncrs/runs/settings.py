@@ -168,7 +168,7 @@ class TrainConfig:
         """Return these settings with every "auto" resolved."""
         return replace(
             self,
-            engine=replace(self.engine, name=resolve_engine(self.engine.name, self.task.task)),
+            engine=replace(self.engine, name=resolve_engine(self.engine.name, self.task)),
             mirroring=self.sampling().mirroring,
         )
 

@@ -42,6 +42,8 @@ def _make_env(settings: TaskSettings, body: BodyGrid) -> Any:
         grid_size=settings.grid_size,
         distance_score=settings.distance_score,
         success_radius=settings.radius,
+        construction=settings.construction,
+        hull_density=settings.hull_density,
     ).unwrapped
 
 

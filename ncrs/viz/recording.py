@@ -66,7 +66,7 @@ def record(robot: EvolvedRobot, scenarios: Sequence[Scenario]) -> list[Recording
     """
     for scenario in scenarios:
         scenario.check(robot.task.task, robot.task.grid_size)
-    machine = Robot(robot.body)
+    machine = Robot(robot.body, robot.task.hull_density)
     episodes = [Episode(robot.task, machine, scenario) for scenario in scenarios]
     recorder = _Recorder(episodes)
     with one_torch_thread():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -18,8 +18,11 @@ from ncrs_envs.batched.records import robot_records, settings_record
 from ncrs_envs.batched.scenario_table import Indices, ScenarioTable
 from ncrs_envs.batched.sensing import distances
 from ncrs_envs.batched.simulate import reset_episode, step_episode, world_at
+from ncrs_envs.body import BodyGrid
 from ncrs_envs.cores import available_cores
-from ncrs_envs.tasks import TaskSettings
+from ncrs_envs.rendering import Scene
+from ncrs_envs.scenario import Point, wall_quads
+from ncrs_envs.tasks import TaskSettings, playfield
 
 _MIN_CHUNK = 64
 """Minimum number of episodes per thread; fewer are not worth handing over."""
@@ -97,7 +100,7 @@ class EpisodeBatch:
     def __init__(self, settings: TaskSettings, count: int, threads: int | None) -> None:
         n = settings.grid_size
         self.count = count
-        self._task = settings.task
+        self._given, self._task = settings, settings.task
         self._settings = settings_record(settings)
         self._robots = make_robots(count, n)
         self.scenarios = ScenarioTable(settings.task, count, n)
@@ -200,7 +203,36 @@ class EpisodeBatch:
             infos["crossed"] = column(self._episodes.states, "crossed").copy()
         return infos
 
-    def ball(self, episode: int) -> tuple[float, float]:
-        """Return the position of an episode's ball."""
+    def scene(
+        self,
+        episode: int,
+        body: BodyGrid,
+        action: NDArray[np.float32],
+        path: Sequence[Point],
+    ) -> Scene:
+        """Describe an episode's scene, for drawing.
+
+        Args:
+            episode: Index of an episode that has been started.
+            body: Body of its robot, shape ``(n, n)``.
+            action: Gas per cell in the last step, shape ``(n, n)``.
+            path: Robot centres so far, oldest first; empty if they are not known.
+        """
+        scenario = self.scenarios[episode]
+        assert scenario is not None
         state: State = self._episodes.states[episode]
-        return float(state.ball_x), float(state.ball_y)
+        x, y, angle = self.poses[episode].tolist()
+        return Scene(
+            extent=playfield(self._given.grid_size),
+            body=body,
+            pose=(x, y, angle),
+            sensor_values=self.observations[episode].reshape(body.shape).copy(),
+            action=action,
+            light=scenario.light,
+            ball=(float(state.ball_x), float(state.ball_y)) if self._task.has_ball else None,
+            target=scenario.target,
+            wall_quads=wall_quads(scenario, self._given.grid_size),
+            path=np.array(path or [(x, y)]),
+            success=bool(state.success),
+            success_radius=self._given.radius,
+        )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ncrs_envs.batched.vector_env import RobotVectorEnv
-from ncrs_envs.tasks import TaskError, get_task
+from ncrs_envs.tasks import get_task
 
 
 def make_task_vector_env(task: str, **arguments: Any) -> RobotVectorEnv:
@@ -15,10 +15,5 @@ def make_task_vector_env(task: str, **arguments: Any) -> RobotVectorEnv:
         TaskError: If the task is unknown, or needs Box2D.
     """
     found = get_task(task)
-    if found.needs_box2d:
-        raise TaskError(
-            f"{found.name} {found.not_compiled}, which only Box2D runs: use "
-            f"gymnasium.make_vec({found.env_id!r}, vectorization_mode='sync')."
-        )
     made: type[RobotVectorEnv] = type(f"{found.title}VectorEnv", (RobotVectorEnv,), {"task": found})
     return made(**arguments)

@@ -25,6 +25,7 @@ from ncrs_envs.batched.scenario_table import Indices
 from ncrs_envs.batched.vector_options import (
     batch_info,
     check_autoreset_mode,
+    check_compiled,
     check_count,
     check_mask,
     check_regions,
@@ -34,21 +35,21 @@ from ncrs_envs.batched.vector_options import (
     without_mask,
 )
 from ncrs_envs.bodies import check_bodies, grid_side
-from ncrs_envs.body import BodyGrid, sensor_mask, wheel_mask
+from ncrs_envs.body import HULL_DENSITY, sensor_mask, wheel_mask
 from ncrs_envs.interface import OptionError, check_action, check_flag, check_options
 from ncrs_envs.physics import DT
 from ncrs_envs.rendering import Scene
-from ncrs_envs.scenario import Scenario, wall_quads
+from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import (
     CARRY_BALL,
     LIGHT_CHASE,
     MAX_EPISODE_STEPS,
     OBSTACLE,
     OBSTACLE_TOUCH,
+    RIGID,
     Task,
     TaskSettings,
     default_body,
-    playfield,
 )
 
 if TYPE_CHECKING:
@@ -77,11 +78,14 @@ class RobotVectorEnv(_BaseEnv):
         render_envs: Indices of the environments that ``render`` draws, by default all; frames of
             the others are black and cost nothing to draw.
         threads: Maximum number of threads; by default one for each core; results are the same.
+        construction: Construction as for single environments; only "rigid" is compiled.
+        hull_density: Density of all cells but the wheels; only 1 is compiled.
 
     Raises:
         OptionError: A mode is unknown, or a count is not a positive integer.
         BodyError: A body or the grid size is malformed, or the task cannot use a body.
-        TaskError: The distance score is unknown, or the success radius is out of range.
+        TaskError: The distance score is unknown, the success radius is out of range, or only Box2D
+            runs the task or a setting.
         RenderError: The picture size is out of range.
     """
 
@@ -106,13 +110,18 @@ class RobotVectorEnv(_BaseEnv):
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_envs: Sequence[int] | None = None,
         threads: int | None = None,
+        construction: str = RIGID,
+        hull_density: float = HULL_DENSITY,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise OptionError(f"render_mode must be None or 'rgb_array', got {render_mode!r}.")
         self.num_envs = check_count(num_envs, "num_envs")
         if grid_size is None:
             grid_size = grid_side(body)
-        self.settings = TaskSettings(self.task.name, grid_size, distance_score, success_radius)
+        self.settings = TaskSettings(
+            self.task.name, grid_size, distance_score, success_radius, construction, hull_density
+        )
+        check_compiled(self.settings)
         n = self.settings.grid_size
         self.render_mode = render_mode
         self.render_size = frame_size(render_size, self.num_envs)
@@ -350,25 +359,10 @@ class RobotVectorEnv(_BaseEnv):
         Raises:
             ResetNeeded: The environment has no episode.
         """
-        scenario = self._batch.scenarios[env]
-        if scenario is None:
+        if self._batch.scenarios[env] is None:
             raise ResetNeeded("Call reset() before render(): there is nothing to show yet.")
-        x, y, angle = self._batch.poses[env].tolist()
-        body: BodyGrid = self._bodies[env].copy()
-        return Scene(
-            extent=playfield(self.settings.grid_size),
-            body=body,
-            pose=(x, y, angle),
-            sensor_values=self._batch.observations[env].reshape(body.shape).copy(),
-            action=self._actions[env].copy(),
-            light=scenario.light,
-            ball=self._batch.ball(env) if self.task.has_ball else None,
-            target=scenario.target,
-            wall_quads=wall_quads(scenario, self.settings.grid_size),
-            path=np.array(self._pictures.path(env) or [(x, y)]),
-            success=bool(self._batch.success[env]),
-            success_radius=self.settings.radius,
-        )
+        path = self._pictures.path(env)
+        return self._batch.scene(env, self._bodies[env].copy(), self._actions[env].copy(), path)
 
     def _check_open(self) -> None:
         if self.closed:

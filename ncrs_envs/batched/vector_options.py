@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ncrs_envs.interface import OptionError
 from ncrs_envs.scenario import Scenario, ScenarioError, check_region
-from ncrs_envs.tasks import Task
+from ncrs_envs.tasks import Task, TaskError, TaskSettings
 
 NO_STEP_LIMIT = -1
 """Value of ``max_episode_steps`` for no truncation, as in ``gymnasium.make``."""
@@ -19,6 +19,15 @@ NO_STEP_LIMIT = -1
 
 class MaskTypeError(OptionError, TypeError):
     """A reset mask that is not a numpy array of bools (Gymnasium raises TypeError here)."""
+
+
+def check_compiled(settings: TaskSettings) -> None:
+    """Raise ``TaskError`` if only Box2D runs the task or a setting."""
+    if settings.needs_box2d:
+        raise TaskError(
+            f"{settings.name} {settings.not_compiled}, which only Box2D runs: use "
+            f"gymnasium.make_vec({settings.task.env_id!r}, vectorization_mode='sync')."
+        )
 
 
 def check_mask(mask: Any, count: int) -> NDArray[np.bool_]:

@@ -5,6 +5,7 @@ import pytest
 from ncrs.engines import base
 from ncrs.engines.base import EngineSettingError, has_gpu, make_engine, resolve_engine
 from ncrs.runs.engine_settings import ConfigError, EngineSettings
+from ncrs.runs.settings import TrainConfig
 from ncrs.training.api import train
 from ncrs_envs.tasks import TaskSettings
 
@@ -33,6 +34,16 @@ def test_auto_stays_on_the_cpu():
 def test_auto_chooses_a_gpu_where_there_is_one(monkeypatch):
     monkeypatch.setattr(base, "has_gpu", lambda: True)
     assert resolve_engine("auto") == "cuda"
+
+
+@pytest.mark.parametrize("given", [{"construction": "jointed"}, {"hull_density": 0.1}])
+def test_what_only_box2d_simulates_is_box2ds(given):
+    settings = TaskSettings("carry_ball", **given)
+    (name, value), *_ = given.items()
+    assert resolve_engine("auto", settings) == "box2d"
+    assert TrainConfig(task=settings).resolved().engine.name == "box2d"
+    with pytest.raises(EngineSettingError, match=rf"carry_ball has {name}={value}, which only Box"):
+        make_engine("batched", settings)
 
 
 def test_devices_are_refused_by_engines_on_the_cpu():

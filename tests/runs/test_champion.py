@@ -11,7 +11,7 @@ from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCA
 from ncrs.cli import main
 from ncrs.engines.evaluate import evaluate
-from ncrs.runs.assessment import Proportion, assess
+from ncrs.runs.assessment import Proportion, assess, find_assessment
 from ncrs.runs.champion import Champion, load_champion_file
 from ncrs.runs.checkpoint import CheckpointError, write_state
 from ncrs.runs.engine_settings import ConfigError
@@ -86,6 +86,29 @@ def test_assessment_counts_fresh_episodes(champion):
 def test_the_task_settings_travel_with_the_champion(champion):
     easy = replace(champion, task=TaskSettings(success_radius=500.0))
     assert assess(easy, episodes=4).success.fraction == 1.0
+
+
+def test_a_test_in_another_construction_is_not_the_champions(champion, run_dir, capsys):
+    main(["evaluate", str(run_dir), "--episodes", "3"])
+    words = ["--construction", "jointed", "--hull-density", "0.1"]
+    main(["evaluate", str(run_dir), "--episodes", "3", *words])
+    assert "3 fresh episodes on box2d, construction=jointed, hull_density=0.1:" in (
+        capsys.readouterr().out
+    )
+    own, other = (
+        json.loads((run_dir / name).read_text())
+        for name in ("evaluation.json", "evaluation_jointed-0.1.json")
+    )
+    assert (own["construction"], own["hull_density"]) == ("rigid", 1.0)
+    assert (other["construction"], other["hull_density"]) == ("jointed", 0.1)
+    assert own["fitness"] != other["fitness"]
+    jointed = replace(champion, task=TaskSettings(construction="jointed", hull_density=0.1))
+    assert assess(jointed, episodes=3).fitness == other["fitness"]
+    assert find_assessment(run_dir, champion).fitness == own["fitness"]
+    assert find_assessment(run_dir, jointed) is None
+    with pytest.raises(SystemExit, match="2"):
+        main(["evaluate", str(run_dir), "--engine", "batched", *words])
+    assert "has construction=jointed, which only Box2D runs" in capsys.readouterr().err
 
 
 def test_frames_show_an_episode(champion):

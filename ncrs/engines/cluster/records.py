@@ -19,7 +19,7 @@ from ncrs_envs.tasks import BUILT_IN, Task, TaskSettings
 class Setup:
     """What is the same for all shards of an engine."""
 
-    task: tuple[str, int, str, float | None]
+    task: tuple[str, int, str, float | None, str, float]
     """Fields of the ``TaskSettings``."""
     definition: bytes | None
     """Pickled task; None for those that come with the package."""
@@ -75,7 +75,14 @@ def make_setup(settings: TaskSettings, engine: str, threads: int | None) -> Setu
                 f"The task {task.name!r} cannot be sent to workers: {error}. Let its functions "
                 "refer to nothing but modules and plain values."
             ) from error
-    values = (settings.name, settings.grid_size, settings.distance_score, settings.success_radius)
+    values = (
+        settings.name,
+        settings.grid_size,
+        settings.distance_score,
+        settings.success_radius,
+        settings.construction,
+        settings.hull_density,
+    )
     return Setup(values, definition, engine, threads)
 
 

@@ -71,7 +71,7 @@ class ShardedEngine(Engine):
 
     def __init__(self, settings: TaskSettings, workers: int | None, options: WorkerOptions) -> None:
         super().__init__(settings, workers)
-        expected = resolve_engine(options.on_workers, settings.task)
+        expected = resolve_engine(options.on_workers, settings)
         self.setup = make_setup(settings, options.on_workers, options.threads)
         self.admission = Admission(options.other_versions, expected)
         self._audit = Audit(options.audit)

@@ -39,7 +39,7 @@ def describe_worker(setup: Setup) -> WorkerFacts:
         name=name,
         host=platform.node(),
         threads=setup.threads or threads,
-        engine=resolve_engine(setup.engine, settings.task),
+        engine=resolve_engine(setup.engine, settings),
         versions=own_versions(),
     )
 
