@@ -55,6 +55,11 @@ EXPECTED = {
         "run.champion.genome.shape": [4572],
         "bool(run.champion.fitness > 0.62)": True,
     },
+    "published_code.md": {
+        "env.unwrapped.settings.construction": "jointed",
+        "bool(right > 0.6)": True,
+        "round(float(wrong), 2)": 0.01,
+    },
     "extending.md": {
         "len(run.curves['fitness/best'])": 3,
         "result.fitness.shape": [1],
