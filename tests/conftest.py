@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 os.environ.setdefault("NCRS_QUIET", "1")  # notices would differ from one computer to the next
+# The tests run in a process per core: torch's threads would wait for each other, not compute.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 DATA = Path(__file__).parent / "data"
 
 

@@ -5,7 +5,6 @@ import warnings
 
 import numpy as np
 import pytest
-import torch
 
 from benchmarks.optimizers import FUNCTIONS, PlainPycma, Search, compare, is_elsewhere, search
 from ncrs.evolution.archive import Archive, MeasureSpace
@@ -36,15 +35,6 @@ OTHER_VARIANTS = [
     (DIAGONAL, {"restart_sigma": 0.095, "restart_from": "best"}),
     (DIAGONAL, {"step_size": "decay", "sigma_decay": 0.9, "restart_sigma": 0.02}),
 ]
-
-
-@pytest.fixture(autouse=True)
-def _one_torch_thread():
-    """At this size threads wait for each other longer than they compute."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 def make(name="cma_es", parents=None, step_size="csa", dimension=30, seed=3, **settings):
