@@ -36,7 +36,7 @@ class Drive:
     crossed: Proportion
 
 
-def full_throttle(body: str, construction: str, episodes: int, seed: int = 0) -> Drive:
+def full_throttle(body: str, construction: str, episodes: int, seed: int) -> Drive:
     """Drive a body through Obstacle with gas 1 in all wheels."""
     env = gymnasium.make(OBSTACLE.env_id, body=body, construction=construction)
     gas = np.ones(env.action_space.shape or (), dtype=np.float32)
@@ -59,13 +59,14 @@ def main() -> None:
     """Print a row for each body and construction."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--episodes", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0, help="seed for sampling the scenarios")
     options = parser.parse_args()
     print(
         "| body | construction | fitness | success (95 %) | crossed (95 %) |\n|---|---|---|---|---|"
     )
     for name, body in BODIES.items():
         for construction in CONSTRUCTIONS:
-            drive = full_throttle(body, construction, options.episodes)
+            drive = full_throttle(body, construction, options.episodes, options.seed)
             shares = " | ".join(
                 "{} ({} to {})".format(*share.percentages())
                 for share in (drive.success, drive.crossed)
