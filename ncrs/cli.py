@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from ncrs import __version__
 
 TRAIN = "train"
-_COMMANDS: Mapping[str, str] = {
+COMMANDS: Mapping[str, str] = {
     TRAIN: "evolve a robot, or sweep over settings; `ncrs train --help` lists them",
     "results": "print and save the results of runs and sweeps, with statistics over seeds",
     "champions": "list the robots that come with the package",
@@ -26,14 +26,15 @@ _COMMANDS: Mapping[str, str] = {
     "live": "write a page in which robots grow and drive live, in any browser",
     "report": "write a page that shows a run, its archive and its robots in a browser",
 }
+"""Names of the commands, with what each does."""
 
 
-def _parser(chosen: str | None) -> argparse.ArgumentParser:
-    """Build the parser; only the chosen command's module is imported."""
+def build_parser(chosen: str | None) -> argparse.ArgumentParser:
+    """Build the parser, with the arguments of the chosen command, whose module alone is imported."""
     parser = argparse.ArgumentParser(prog="ncrs", description=__doc__)
     parser.add_argument("--version", action="version", version=f"ncrs {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, text in _COMMANDS.items():
+    for name, text in COMMANDS.items():
         command = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
         if name == chosen:
             importlib.import_module(f"ncrs.commands.{name}").add_arguments(command)
@@ -67,7 +68,7 @@ def _run(words: list[str]) -> None:
     if words[:1] == ["-sc"]:  # the shell's completion of `ncrs train` leaves out the command
         os.environ["COMP_LINE"] = os.environ.get("COMP_LINE", "").replace(f" {TRAIN} ", " ", 1)
         words = [TRAIN, *words]
-    chosen = words[0] if words and words[0] in _COMMANDS else None
+    chosen = words[0] if words and words[0] in COMMANDS else None
     if chosen == TRAIN:
         # Hydra reads its own arguments.
         from ncrs.training.launch import launch
@@ -75,7 +76,7 @@ def _run(words: list[str]) -> None:
         launch(words[1:])
         return
     try:
-        options = _parser(chosen).parse_args(words)
+        options = build_parser(chosen).parse_args(words)
         options.action(options)
     except Exception as error:
         from ncrs_envs.errors import NCRSError  # slow to import: not before --help is answered

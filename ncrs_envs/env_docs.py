@@ -23,8 +23,11 @@ _TEMPLATE = """{summary}
 
     ## Observation Space
     `Box(0, 1, (n, n), float32)`: in sensor cells `exp(-d / P)`, with d the distance from the cell's
-    centre to {sensed}; {felt}0 elsewhere. `info` holds `body`, `sensor_mask`, `wheel_mask`, `pose`
-    (x, y, heading in radians), {distances} and `success` (so far in this episode){crossed}.
+    centre to {sensed}; {felt}0 elsewhere.
+
+    ## Info
+    `reset` and `step` return a dict with `body`, `sensor_mask`, `wheel_mask`, `pose` (x, y, heading
+    in radians), {distances} and `success` (so far in this episode){crossed}.
 
     ## Rewards
     {rewards}

@@ -10,7 +10,7 @@ import time
 import pytest
 
 import ncrs
-from ncrs.cli import _COMMANDS, main
+from ncrs.cli import COMMANDS, main
 
 BASH = pytest.mark.skipif(sys.platform == "win32", reason="needs bash")
 
@@ -35,14 +35,14 @@ def test_help_starts_nothing_heavy():
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
     assert time.monotonic() - started < 5.0  # 0.1 s on an idle machine
     assert printed.splitlines()[-1] == "[]"
-    assert all(f"    {name}" in printed for name in _COMMANDS)
+    assert all(f"    {name}" in printed for name in COMMANDS)
 
 
 def test_the_version_is_the_packages():
     assert run("--version").strip() == f"ncrs {ncrs.__version__}"
 
 
-@pytest.mark.parametrize("name", sorted(set(_COMMANDS) - {"train"}))
+@pytest.mark.parametrize("name", sorted(set(COMMANDS) - {"train"}))
 def test_each_command_has_a_module_and_help(name, capsys):
     assert importlib.import_module(f"ncrs.commands.{name}").__doc__.startswith(f"``ncrs {name}``")
     with pytest.raises(SystemExit, match="0"):

@@ -1,0 +1,56 @@
+"""Parts of pages that are made from the package; a line `<!-- run_settings -->` stands for one.
+
+The maker's name may be followed by arguments: `<!-- environment NCRS-LightChase-v0 -->`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from command_lines import command_line, commands
+from environment_pages import environment
+from repository_files import document
+from settings_tables import engine_settings, optimizer_settings, run_settings, task_settings
+from sphinx.application import Sphinx
+
+MAKERS: Mapping[str, Callable[..., str]] = {
+    "commands": commands,
+    "command_line": command_line,
+    "document": document,
+    "environment": environment,
+    "engine_settings": engine_settings,
+    "optimizer_settings": optimizer_settings,
+    "run_settings": run_settings,
+    "task_settings": task_settings,
+}
+"""Makers of Markdown, by the names that pages call them with."""
+_MARK = re.compile(r"^<!-- (\w+)(.*?) -->$", re.MULTILINE)
+
+
+def fill(text: str) -> str:
+    """Put what their makers return in place of the lines that name one."""
+    return _MARK.sub(lambda mark: MAKERS[mark[1]](*mark[2].split()), text)
+
+
+def _fill_page(app: Sphinx, page: str, source: list[str]) -> None:
+    source[0] = fill(source[0])
+
+
+def _write_live_page(app: Sphinx, error: Exception | None) -> None:
+    """Write the page of live robots, which the front page shows."""
+    if error is not None or app.builder.format != "html":
+        return
+    from ncrs.live.build import PAGE_FILE, write_page
+    from ncrs.live.robots import published_robots, robot_by_hand
+
+    write_page(Path(app.outdir) / PAGE_FILE, [robot_by_hand(), *published_robots()])
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Fill pages when they are read, and add the live page when the others are written."""
+    app.connect("source-read", _fill_page)
+    app.connect("build-finished", _write_live_page)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
