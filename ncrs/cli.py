@@ -30,7 +30,7 @@ COMMANDS: Mapping[str, str] = {
 
 
 def build_parser(chosen: str | None) -> argparse.ArgumentParser:
-    """Build the parser, with the arguments of the chosen command, whose module alone is imported."""
+    """Build the parser with the arguments of the chosen command; no other module is imported."""
     parser = argparse.ArgumentParser(prog="ncrs", description=__doc__)
     parser.add_argument("--version", action="version", version=f"ncrs {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
