@@ -24,6 +24,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "mathml",
+    "plain_attributes",
     "generated",
 ]
 exclude_patterns = ["_build", "_ext", "_static", "jupyter_execute"]
