@@ -25,6 +25,11 @@ LINES = [
     for line in dict.fromkeys(command_lines(page))
     if line.startswith(("ncrs ", "python train.py")) and not any(w in line for w in ELSEWHERE)
 ]
+RUNS = (
+    "runs/RUN", "RUN_A", "RUN_B", "runs/sweep_DATE/seed=0", "runs/first", "runs/wide",
+    "runs/carry_ball_1", "runs/carry_ball_2",
+)  # fmt: skip
+"""Folders of runs that lines name."""
 SMALLER = {
     r"^generations=.*": "generations=1",
     r"^episodes=.*": "episodes=2",
@@ -43,7 +48,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
     start = ["start_from=light_chase/best", "optimizer.sigma=0.01"]
     call([*TRAIN, *shlex.split(TINY), *start, "hydra.run.dir=RUN_DIR"], folder)
-    for name in ("runs/RUN", "RUN_A", "RUN_B", "runs/sweep_DATE/seed=0", "runs/first", "runs/wide"):
+    for name in RUNS:
         shutil.copytree(folder / "RUN_DIR", folder / name)
     genome = ncrs.load_champion("obstacle/best").genome
     np.save(folder / "genome.npy", genome)
@@ -67,6 +72,8 @@ def _small(words):
 @pytest.mark.parametrize("line", LINES)
 def test_a_pages_command_runs(line, folder, tmp_path):
     shutil.copytree(folder, tmp_path / "here")
+    for made in re.findall(r"hydra\.run\.dir=(\S+)", line):  # a new run needs a new folder
+        shutil.rmtree(tmp_path / "here" / made, ignore_errors=True)
     program, *words = shlex.split(line)
     if program == "python" or words[0] == "train":
         command = [*TRAIN, *_small(words[1:])]
