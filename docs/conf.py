@@ -36,7 +36,7 @@ nb_execution_mode = "cache"  # pages that have not changed are not run again; a 
 nb_execution_cache_path = str(DOCS / "_build" / ".jupyter_cache")
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
-nb_execution_timeout = 180
+nb_execution_timeout = 600  # seconds for a cell, which takes a tenth of it on an idle computer
 nb_merge_streams = True
 
 autodoc_member_order = "bysource"
