@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
+from numpy.typing import NDArray
 
 import ncrs_envs
 from ncrs.runs.published import load_champion
@@ -18,7 +20,8 @@ SHOWN = {
     "NCRS-Obstacle-v0": "obstacle/best",
     "NCRS-CarryBall-v0": "carry_ball/compiled",
 }
-"""Champions that the animations show."""
+"""Champions that the animations show; others show a body at full throttle."""
+BLIND = "..C../.WLW./.WWW./..#../....."
 PICTURES = Path(__file__).parents[1] / "_generated"
 _EPISODES, _SIZE = 2, 320
 _FRAME_MS, _LAST_FRAME_MS = 40, 800
@@ -30,11 +33,12 @@ def environment(env_id: str) -> str:
         assert isinstance(env.unwrapped, RobotEnv)
         summary, _, sections = inspect.getdoc(type(env.unwrapped)).partition("\n\n")
         table = _table(env_id, env)
-    picture = _animation(env_id).name
+    picture, shown = _animation(env_id).name, SHOWN.get(env_id)
+    caption = f"`{shown}`, a robot of the package" if shown else f"`{BLIND}` at full throttle"
     return (
         f"# {ncrs_envs.get_task(_task(env_id)).title}\n\n{summary}\n\n"
-        f"![{SHOWN[env_id]} in two episodes](../_generated/{picture})\n\n"
-        f"*`{SHOWN[env_id]}`, a robot of the package, in two episodes.*\n\n{table}\n\n{sections}\n"
+        f"![Two episodes](../_generated/{picture})\n\n"
+        f"*{caption}, in two episodes.*\n\n{table}\n\n{sections}\n"
     )
 
 
@@ -62,10 +66,25 @@ def _animation(env_id: str) -> Path:
     path = PICTURES / f"{env_id}.gif"
     if not path.is_file():
         PICTURES.mkdir(exist_ok=True)
-        episodes = episode_frames(load_champion(SHOWN[env_id]), episodes=_EPISODES, size=_SIZE)
+        if env_id in SHOWN:
+            champion = load_champion(SHOWN[env_id])
+            episodes = episode_frames(champion, episodes=_EPISODES, size=_SIZE)
+        else:
+            episodes = [_full_throttle(env_id, seed) for seed in range(_EPISODES)]
         frames, durations = [], []
         for episode in episodes:
             frames += episode
             durations += [_FRAME_MS] * (len(episode) - 1) + [_LAST_FRAME_MS]
         path.write_bytes(encode_animation(frames, durations))
     return path
+
+
+def _full_throttle(env_id: str, seed: int) -> list[NDArray[np.uint8]]:
+    """Drive a body at full throttle and return the frames of the episode."""
+    with gymnasium.make(env_id, body=BLIND, render_mode="rgb_array", render_size=_SIZE) as env:
+        env.reset(seed=seed)
+        frames, is_over = [env.render()], False
+        while not is_over:
+            *_, is_over, _ = env.step(np.ones(env.action_space.shape, dtype=np.float32))
+            frames.append(env.render())
+    return frames[::2]
