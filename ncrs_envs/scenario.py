@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from ncrs_envs.body import CELL_SIZE, DEFAULT_GRID_SIZE, check_grid_size
 from ncrs_envs.errors import NCRSError
+from ncrs_envs.overlaps import square_overlaps, wall_reach
+from ncrs_envs.perturbations import Damage, Noise, Repair, WheelFailure
 from ncrs_envs.physics import BALL_RADIUS, LIGHT_RADIUS
 from ncrs_envs.tasks import REGIONS, Task, get_task, playfield
 
@@ -51,6 +53,9 @@ MAX_START_DRAWS = 1000
 """Maximum number of draws of a start that is clear of the walls."""
 
 
+_PERTURBATIONS = {"damage": Damage, "failure": WheelFailure, "noise": Noise, "repair": Repair}
+
+
 class ScenarioError(NCRSError, ValueError):
     """A scenario that is malformed, or that does not fit the task or the playfield."""
 
@@ -74,6 +79,10 @@ class Scenario:
     walls: tuple[Polyline, Polyline] | None = None
     """Inner edges of the left and the right wall, from bottom to top. Everything to the left of the
     first and to the right of the second, out to x = -1.1 P and 1.1 P, is solid."""
+    damage: Damage | None = None
+    failure: WheelFailure | None = None
+    noise: Noise | None = None
+    repair: Repair | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", _point(self.start, "start"))
@@ -83,6 +92,15 @@ class Scenario:
                 object.__setattr__(self, name, _point(value, name))
         if self.walls is not None:
             object.__setattr__(self, "walls", _walls(self.walls))
+        for name, kind in _PERTURBATIONS.items():
+            value = getattr(self, name)
+            if not isinstance(value, kind | None):
+                raise ScenarioError(f"{name} must be a {kind.__name__} or None, got {value!r:.80}.")
+
+    @property
+    def is_perturbed(self) -> bool:
+        """True if anything happens to the robot: damage, failure, noise or repair."""
+        return any(getattr(self, name) is not None for name in _PERTURBATIONS)
 
     def check(self, task: Task, grid_size: int) -> None:
         """Raise ``ScenarioError`` unless the scenario fits the task and its playfield."""
@@ -109,6 +127,9 @@ class Scenario:
                 )
         self._check_walls(WALL_REACH * extent)
         self._check_start(grid_size)
+        for choice in (self.damage, self.failure):
+            if choice is not None:
+                choice.check(grid_size)
 
     def _check_walls(self, reach: float) -> None:
         for point in chain.from_iterable(self.walls or ()):
@@ -133,24 +154,11 @@ class Scenario:
                 )
         for sign, line in zip((1.0, -1.0), self.walls or (), strict=False):
             low, high = self.start[1] - half, self.start[1] + half
-            if _reaches(line, sign, low, high) > sign * self.start[0] - half:
+            if wall_reach(line, sign, low, high) > sign * self.start[0] - half:
                 raise ScenarioError(
                     f"A wall overlaps the robot's grid at the start, a square of {2 * half:g} "
                     f"units around {self.start}; move one of them."
                 )
-
-
-def _reaches(line: Polyline, sign: float, low: float, high: float) -> float:
-    """Return how far a wall reaches inwards between two heights, as ``sign * x``."""
-    reach = -math.inf
-    for (x0, y0), (x1, y1) in pairwise(line):
-        bottom, top = max(low, min(y0, y1)), min(high, max(y0, y1))
-        if bottom >= top:
-            continue
-        slope = (x1 - x0) / (y1 - y0)
-        for y in (bottom, top):
-            reach = max(reach, sign * (x0 + slope * (y - y0)))
-    return reach
 
 
 def _point(value: Any, name: str) -> Point:
@@ -248,7 +256,7 @@ def sample_scenario(
     quads = wall_quads(obstacle, grid_size)
     for _ in range(MAX_START_DRAWS):
         start = (rng.uniform(-FAR * extent, FAR * extent), start_y)
-        if not _square_overlaps(start, grid_size * CELL_SIZE / 2.0, quads):
+        if not square_overlaps(start, grid_size * CELL_SIZE / 2.0, quads):
             light = (column + noise_x, FAR * extent + noise_y)
             return Scenario(start=start, light=light, walls=walls)
     raise ScenarioError(  # pragma: no cover - the walls leave most of the start line free
@@ -298,30 +306,6 @@ def _sample_walls(rng: np.random.Generator, grid_size: int) -> tuple[Polyline, P
         )
         lines.append(tuple((float(x), float(y)) for x, y in line))
     return lines[0], lines[1]
-
-
-def _square_overlaps(center: Point, half: float, quads: NDArray[np.float64]) -> bool:
-    """Return True if an axis-aligned square overlaps any quad, by the separating-axis theorem.
-
-    The square is the robot's whole grid, whatever its body, since bodies share scenarios.
-    """
-    x, y = center
-    low, high = quads.min(axis=1), quads.max(axis=1)
-    near = (
-        (low[:, 0] < x + half)
-        & (high[:, 0] > x - half)
-        & (low[:, 1] < y + half)
-        & (high[:, 1] > y - half)
-    )
-    # The boxes cover the quads' horizontal and vertical sides; the remaining axis is the normal of
-    # the slanted edge between vertices 1 and 2.
-    edge = quads[:, 2] - quads[:, 1]
-    normal = np.stack([-edge[:, 1], edge[:, 0]], axis=-1)
-    projected = (quads * normal[:, None, :]).sum(axis=-1)
-    middle = x * normal[:, 0] + y * normal[:, 1]
-    reach = half * np.abs(normal).sum(axis=-1)
-    slanted = (projected.min(axis=1) < middle + reach) & (projected.max(axis=1) > middle - reach)
-    return bool((near & slanted).any())
 
 
 def sample_scenarios(

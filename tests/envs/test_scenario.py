@@ -7,11 +7,11 @@ import pickle
 import numpy as np
 import pytest
 
+from ncrs_envs.overlaps import square_overlaps
 from ncrs_envs.scenario import (
     MAX_NOISE,
     Scenario,
     ScenarioError,
-    _square_overlaps,
     sample_scenario,
     sample_scenarios,
     wall_quads,
@@ -291,7 +291,7 @@ def test_walls_overlap_where_the_quads_do():
     for scenario in sample_scenarios("obstacle", 5, 100):
         for x in generator.uniform(-60.0, 60.0, 5):
             moved = dataclasses.replace(scenario, start=(float(x), -51.0))
-            expected = _square_overlaps(moved.start, 5.0, wall_quads(moved, 5))
+            expected = square_overlaps(moved.start, 5.0, wall_quads(moved, 5))
             try:
                 moved.check(get_task("obstacle"), 5)
                 found = False
