@@ -87,7 +87,7 @@ class RobotWorld:
 
     def __init__(self, body: BodyGrid, wheels: WheelModel, scenario: Scenario) -> None:
         self._made_of = (body, wheels, scenario)
-        self._steps: list[NDArray[np.float64]] = []
+        self._history: list[NDArray[np.float64] | tuple[BodyGrid, WheelModel]] = []
         self._body, self._wheels = body, wheels
         self._world = Box2D.b2World(gravity=(0.0, 0.0), doSleep=False)
         for quad in _solid_quads(scenario, body.shape[0]):
@@ -99,24 +99,44 @@ class RobotWorld:
             ball = DEFINITIONS.circle((0.0, 0.0), BALL_RADIUS, BALL_DENSITY)
             self._ball = self._world.CreateDynamicBody(position=scenario.ball, fixtures=ball)
         self._robot = self._world.CreateDynamicBody(position=scenario.start)
+        self._fixtures: dict[tuple[int, int], Any] = {}
         self._add_cells(body != Cell.EMPTY)
 
     def _add_cells(self, added: NDArray[np.bool_]) -> None:
         """Add cells, a mask ``(n, n)``, to the robot."""
         centers = cell_centers(len(self._body))
         densities = cell_densities(self._wheels.hull_density)
-        for row, column in np.argwhere(added):
+        for row, column in np.argwhere(added).tolist():
             x, y = centers[row, column].tolist()
             density = float(densities[self._body[row, column]])
             fixture = self._robot.CreateFixture(DEFINITIONS.square((x, y), density))
-            fixture.userData = int(row) * len(self._body) + int(column)
+            fixture.userData = row * len(self._body) + column
+            self._fixtures[row, column] = fixture
 
     def _add_static(self, fixture: Box2D.b2FixtureDef) -> Box2D.b2Body:
         return self._world.CreateStaticBody(fixtures=fixture)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Describe the world by its parts and the gas of its steps."""
-        return _repeat, (type(self), *self._made_of, np.array(self._steps))
+        """Describe the world by its parts, the gas of its steps, and its other bodies."""
+        return _repeat, (type(self), *self._made_of, self._history)
+
+    def exchange(self, body: BodyGrid, wheels: WheelModel) -> None:
+        """Continue with another body on the same grid, which keeps its place and its motion.
+
+        Args:
+            body: Cell codes of a body that is not empty, shape ``(n, n)``.
+            wheels: Wheel model of the body.
+        """
+        self._history.append((body, wheels))
+        before, self._body, self._wheels = self._body, body, wheels
+        changed = before != body
+        gone = {place: self._fixtures[place] for place in self._fixtures if changed[place]}
+        # New cells come first: a body without any cells would get a mass of its own.
+        self._add_cells(changed & (body != Cell.EMPTY))
+        for place, fixture in gone.items():
+            self._robot.DestroyFixture(fixture)
+            if self._fixtures[place] is fixture:
+                del self._fixtures[place]
 
     def step(self, gas: NDArray[np.float64]) -> None:
         """Advance one physics step of ``DT`` seconds.
@@ -125,7 +145,7 @@ class RobotWorld:
             gas: One value in [-1, 1] per wheel in row order, shape ``(wheels,)``; kept, and not to
                 be changed afterwards.
         """
-        self._steps.append(gas)
+        self._history.append(gas)
         self._push(gas)
         if self._ball is not None:
             velocity = self._ball.linearVelocity
@@ -186,12 +206,15 @@ def _repeat(
     body: BodyGrid,
     wheels: WheelModel,
     scenario: Scenario,
-    steps: NDArray[np.float64],
+    history: Sequence[NDArray[np.float64] | tuple[BodyGrid, WheelModel]],
 ) -> RobotWorld:
     """Build a world and repeat its steps."""
     world = kind(body, wheels, scenario)
-    for gas in steps:
-        world.step(gas)
+    for event in history:
+        if isinstance(event, tuple):
+            world.exchange(*event)
+        else:
+            world.step(event)
     return world
 
 

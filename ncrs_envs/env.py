@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import gymnasium
@@ -24,7 +25,13 @@ from ncrs_envs.env_docs import (
     OBSTACLE_TOUCH_DOC,
 )
 from ncrs_envs.episode import Episode, Robot
-from ncrs_envs.interface import OptionError, check_action, check_flag, check_options
+from ncrs_envs.interface import (
+    OptionError,
+    check_action,
+    check_damage,
+    check_flag,
+    check_options,
+)
 from ncrs_envs.physics import DT
 from ncrs_envs.rendering import DEFAULT_RENDER_SIZE, Scene, Window, check_render_size, draw_scene
 from ncrs_envs.scenario import (
@@ -111,8 +118,8 @@ class RobotEnv(_BaseEnv):
 
     @property
     def body(self) -> BodyGrid:
-        """Current body, int8 ``(n, n)``, read-only."""
-        return self._robot.body
+        """Present body, int8 ``(n, n)``, read-only: what damage has left of it."""
+        return (self._robot if self._episode is None else self._episode.robot).body
 
     @property
     def scenario(self) -> Scenario | None:
@@ -132,12 +139,14 @@ class RobotEnv(_BaseEnv):
         Args:
             seed: Seed for ``np_random``, the only source of randomness; None leaves it as it is.
             options: ``body``, kept for later episodes too, and ``region``, 0 to 3, or ``scenario``,
-                a ``Scenario``, for this episode only; None for no options.
+                a ``Scenario``, and ``damage``, a ``Damage`` in place of the scenario's, for this
+                episode only; None for no options.
 
         Raises:
             OptionError: An option is unknown, or options exclude each other.
             BodyError: The body is malformed, or the task cannot use it.
             ScenarioError: The region is unknown, or the scenario does not fit the task.
+            PerturbationError: The damage is malformed, or does not fit the grid.
         """
         chosen = check_options(options)
         n = self.settings.grid_size
@@ -151,9 +160,14 @@ class RobotEnv(_BaseEnv):
                     f"scenario must be an ncrs_envs.Scenario, got {type(scenario).__name__}."
                 )
             scenario.check(self.task, n)
+        damage = chosen.get("damage")
+        if damage is not None:
+            check_damage(damage, n)
         super().reset(seed=seed)
         if scenario is None:
             scenario = sample_scenario(self.task, self.np_random, region, n)
+        if damage is not None:
+            scenario = replace(scenario, damage=damage)
         self._robot = robot
         self._episode = Episode(self.settings, robot, scenario)
         self._action = np.zeros((n, n), dtype=np.float32)

@@ -21,6 +21,7 @@ from ncrs_envs.body import (
 )
 from ncrs_envs.box2d_jointed import JointedWorld
 from ncrs_envs.box2d_world import Pose, RobotWorld
+from ncrs_envs.noise import SENSOR_NOISE, normal_noise
 from ncrs_envs.physics import TOUCH_DECAY, WheelModel, wheel_model
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Point, Scenario, wall_quads
@@ -28,7 +29,7 @@ from ncrs_envs.tasks import JOINTED, TaskError, TaskSettings, distance_score, pl
 
 
 class Robot:
-    """A valid body, with its wheel model and sensors computed once for all episodes."""
+    """A body that is not empty, with its wheel model and sensors computed once for all episodes."""
 
     def __init__(self, body: BodyGrid, hull_density: float = HULL_DENSITY) -> None:
         self.body = body
@@ -57,8 +58,14 @@ class Episode:
         self.settings = settings
         self.robot = robot
         self.scenario = scenario
+        self.steps = 0
+        """Number of steps done."""
+        self.damaged = robot.body
+        """Body that the damage left; the whole one before it."""
         world = JointedWorld if settings.construction == JOINTED else RobotWorld
         self.world = world(robot.body, robot.wheels, scenario)
+        failure = scenario.failure
+        self._failed = None if failure is None else failure.failed(robot.body).reshape(-1)
         self.success = False
         self.crossed = False
         self._task = settings.task
@@ -68,6 +75,20 @@ class Episode:
         self._read_poses()
         self.closest: tuple[float, ...] = (math.inf,) * len(self.distances)
         """Minima of the ``distances`` over the steps so far, in units; infinite at the start."""
+        self._lose_cells_if_due()
+
+    def _lose_cells_if_due(self) -> None:
+        damage = self.scenario.damage
+        if damage is not None and damage.step == self.steps:
+            self.damaged = damage.left(self.robot.body)
+            self.exchange(self.damaged)
+
+    def exchange(self, body: BodyGrid) -> None:
+        """Continue with another body on the same grid, which keeps its place and its motion."""
+        if not np.array_equal(body, self.robot.body):
+            self.robot = Robot(body, self.robot.wheels.hull_density)
+            self.world.exchange(body, self.robot.wheels)
+            self._read_poses()
 
     def _read_poses(self) -> None:
         """Read the positions of robot and ball, once per step."""
@@ -82,7 +103,11 @@ class Episode:
         Args:
             action: Finite gas per cell, shape ``(n, n)``; read in wheel cells, clipped to [-1, 1].
         """
-        gas = action.reshape(-1)[self.robot.wheels.wheel_cells].astype(np.float64)
+        cells = self.robot.wheels.wheel_cells
+        gas = action.reshape(-1)[cells].astype(np.float64)
+        failure = self.scenario.failure
+        if failure is not None and self._failed is not None and self.steps >= failure.step:
+            gas[self._failed[cells]] = 0.0
         self.world.step(np.minimum(np.maximum(gas, -1.0), 1.0))
         self._read_poses()
         self._feel()
@@ -90,7 +115,10 @@ class Episode:
         self.closest = tuple(map(min, self.closest, distances))
         self.success = self.success or self._succeeds()
         self.crossed = self.crossed or self.pose[1] > 0.0
-        return self._reward(distances)
+        reward = self._reward(distances)
+        self.steps += 1
+        self._lose_cells_if_due()
+        return reward
 
     def _feel(self) -> None:
         """Update the touch sensors."""
@@ -179,5 +207,13 @@ class Episode:
         squares = offsets * offsets
         distances = np.sqrt(squares[:, 0] + squares[:, 1])
         if self.settings.distance_score == "exponential":
-            return np.asarray(np.exp(-distances / self._extent))
-        return np.asarray((distances / self._extent + 1.0) ** -2)
+            return self._noisy(np.asarray(np.exp(-distances / self._extent)))
+        return self._noisy(np.asarray((distances / self._extent + 1.0) ** -2))
+
+    def _noisy(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        noise = self.scenario.noise
+        if noise is None or not noise.sensor:
+            return values
+        counters = self.steps * self.robot.body.size + self.robot.sensor_cells
+        drawn = normal_noise(noise.seed, SENSOR_NOISE, counters)
+        return np.clip(values + noise.sensor * drawn, 0.0, 1.0)

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.errors import NCRSError
+from ncrs_envs.perturbations import Damage, PerturbationError
 
-RESET_OPTIONS = ("body", "region", "scenario")
+RESET_OPTIONS = ("body", "region", "scenario", "damage")
 
 
 class OptionError(NCRSError, ValueError):
@@ -44,6 +45,14 @@ def check_options(options: Any) -> Mapping[str, Any]:
             "Give either region or scenario: a scenario already fixes all placements."
         )
     return options
+
+
+def check_damage(damage: Any, grid_size: int) -> Damage:
+    """Return the damage, or raise ``PerturbationError`` if it is none, or outside the grid."""
+    if not isinstance(damage, Damage):
+        raise PerturbationError(f"damage must be an ncrs_envs.Damage, got {type(damage).__name__}.")
+    damage.check(grid_size)
+    return damage
 
 
 def check_flag(value: Any, name: str) -> bool:
