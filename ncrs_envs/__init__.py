@@ -14,6 +14,8 @@ from ncrs_envs.body import (
 from ncrs_envs.curriculum import register_curriculum
 from ncrs_envs.interface import ActionError, OptionError
 from ncrs_envs.mirroring import register_sampling
+from ncrs_envs.perturbations import Damage, Noise, PerturbationError, Repair, WheelFailure
+from ncrs_envs.perturbing import PerturbationSettings
 from ncrs_envs.registration import register_all, register_task
 from ncrs_envs.registry import ExtensionError
 from ncrs_envs.scenario import Scenario, ScenarioError, sample_scenario, sample_scenarios
@@ -28,13 +30,19 @@ __all__ = [
     "BodyConditionedView",
     "BodyError",
     "Cell",
+    "Damage",
     "ExtensionError",
     "FixedBodyView",
+    "Noise",
     "OptionError",
+    "PerturbationError",
+    "PerturbationSettings",
+    "Repair",
     "Scenario",
     "ScenarioError",
     "Task",
     "TaskError",
+    "WheelFailure",
     "body_measures",
     "body_to_characters",
     "get_task",

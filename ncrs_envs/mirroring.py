@@ -6,7 +6,7 @@ this noise cancels, so selection acts on what the robot does with its sensors.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle
 from typing import Any, Literal
@@ -15,6 +15,7 @@ import numpy as np
 
 from ncrs_envs.body import DEFAULT_GRID_SIZE
 from ncrs_envs.curriculum import NO_CURRICULUM, check_curriculum, eased
+from ncrs_envs.perturbing import NO_PERTURBATIONS, PerturbationSettings, perturb
 from ncrs_envs.registry import Registry
 from ncrs_envs.scenario import (
     NOISE,
@@ -147,6 +148,10 @@ def _images(mirroring: Mirroring, task: Task) -> tuple[Sequence[Image], Sequence
     return (_same, _turned, mirror_front_back, mirror_left_right), (2,)
 
 
+_EXCHANGES_SIDES = (mirror_left_right, _turned)
+"""Images in which left and right are exchanged."""
+
+
 @dataclass(frozen=True)
 class ScenarioSampling:
     """Settings for sampling the scenarios of evaluations; the default is the task's own way."""
@@ -171,6 +176,8 @@ class ScenarioSampling:
     """Name of a curriculum, one of ``CURRICULA``, which eases what is drawn for a generation."""
     curriculum_generations: int = 0
     """Generation from which the scenarios are as drawn."""
+    perturbations: PerturbationSettings = NO_PERTURBATIONS
+    """What happens to the robots; mirror images of a scenario have mirror images of its damage."""
 
     def check(self) -> ScenarioSampling:
         """Return these settings if all are in range, else raise ``ScenarioError``."""
@@ -213,7 +220,15 @@ class ScenarioSampling:
         task = get_task(task)
         self.check()
         drawn = self._draw(task, seed, n, grid_size)
-        return eased(drawn, self.curriculum, self.ease(generation), task, grid_size)
+        easy = eased(drawn, self.curriculum, self.ease(generation), task, grid_size)
+        settings = self.perturbations.at(generation)
+        return perturb(easy, settings, seed, grid_size, self._flips(task))
+
+    def _flips(self, task: Task) -> Sequence[bool]:
+        """Return for each image of a set whether left and right are exchanged in it."""
+        if self.kind != STANDARD or self.mirroring == "none":
+            return (False,)
+        return [image in _EXCHANGES_SIDES for image in _images(self.mirroring, task)[0]]
 
     def _draw(
         self, task: Task, seed: int | Sequence[int] | np.random.SeedSequence, n: int, grid_size: int
@@ -252,3 +267,15 @@ class ScenarioSampling:
 
 PLAIN_SAMPLING = ScenarioSampling()
 """Sampling in the task's own way."""
+
+
+def sampling_of(values: Mapping[str, Any]) -> ScenarioSampling:
+    """Build a sampling from nested values, such as those of ``dataclasses.asdict``.
+
+    Raises:
+        ScenarioError, PerturbationError: A setting is out of range.
+        TypeError: A name is unknown.
+    """
+    given = dict(values)
+    perturbations = PerturbationSettings(**given.pop("perturbations", {}))
+    return ScenarioSampling(**given, perturbations=perturbations).check()

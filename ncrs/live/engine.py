@@ -5,13 +5,11 @@ from __future__ import annotations
 from functools import cache
 from importlib.resources import files
 
+from ncrs.engines.brain_kernels import inherit_states, make_brain
 from ncrs.engines.nca_kernels import growth_step, read_grown, seed_lanes
 from ncrs.live.kernels import (
-    exchange_robot,
-    inherit_states,
     link_grid,
     live_step,
-    make_brain,
     pack_control,
     pack_growth,
     set_growing_cell,
@@ -19,6 +17,7 @@ from ncrs.live.kernels import (
 from ncrs.live.translate import Entry, Program
 from ncrs_envs.batched import layout
 from ncrs_envs.batched.dynamics import grid_center
+from ncrs_envs.batched.perturbations import exchange_robot
 from ncrs_envs.batched.records import prepare_walls
 from ncrs_envs.batched.robot import prepare_robot
 from ncrs_envs.batched.sensing import distances, sense

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ncrs.automaton.channels import (
     BODY_CHANNEL,
@@ -16,44 +14,21 @@ from ncrs.automaton.channels import (
     KERNEL_SIZE,
     STEPS_PER_ACTION,
 )
+from ncrs.engines.brain_kernels import Brain, lone_step
 from ncrs.engines.nca_kernels import (
     CHANGING_CHANNELS,
     CONTROL_LANES,
     GROWTH_LANES,
     UNIT_LANES,
-    Buffers,
-    FirstLayer,
     FloatArray,
     Graph,
-    IntArray,
     Network,
-    control_constants,
     link_cells,
-    make_cell_update,
 )
-from ncrs.engines.rollout_kernels import cell_indices, read_wheels, write_sensors
+from ncrs.engines.rollout_kernels import read_wheels, write_sensors
 from ncrs_envs.batched.compiler import kernel
-from ncrs_envs.batched.layout import Robot, State, World
+from ncrs_envs.batched.layout import State, World
 from ncrs_envs.batched.simulate import step_episode
-
-_LONE = 1
-"""Number of episodes of a live robot."""
-_update_lone_cell = make_cell_update(_LONE, CONTROL_LANES)
-
-
-class Brain(NamedTuple):
-    """The automaton in the cells of one body, in control."""
-
-    network: Network
-    constants: FloatArray
-    """Constant sums of the first layer, see ``control_constants``."""
-    graph: Graph
-    indices: IntArray
-    """Each place's index among the occupied cells, or -1."""
-    states: FloatArray
-    """``(occupied cells, 1, CONTROL_LANES)``."""
-    updated: FloatArray
-    """Buffer of the same shape."""
 
 
 @kernel
@@ -125,48 +100,6 @@ def set_growing_cell(states: FloatArray, place: int, part: int) -> None:
 
 
 @kernel
-def make_brain(network: Network, part_codes: NDArray[np.int8], body: NDArray[np.int8]) -> Brain:
-    """Put the automaton into a body's cells, all hidden and input/output values zero."""
-    fixed = FIRST_PART_CHANNEL + part_codes.shape[0]
-    graph = link_cells(body, fixed + CHANGING_CHANNELS, fixed)
-    cells = graph.start.shape[0] - 1
-    return Brain(
-        network,
-        control_constants(network, part_codes, body),
-        graph,
-        cell_indices(body),
-        np.zeros((cells, _LONE, CONTROL_LANES), dtype=np.float32),
-        np.zeros((cells, _LONE, CONTROL_LANES), dtype=np.float32),
-    )
-
-
-@kernel
-def inherit_states(before: Brain, after: Brain) -> None:
-    """Copy the states of the cells that two bodies on one grid share."""
-    for place in range(after.indices.shape[0]):
-        source = before.indices[place]
-        target = after.indices[place]
-        if source >= 0 and target >= 0:
-            for lane in range(CONTROL_LANES):
-                after.states[target, 0, lane] = before.states[source, 0, lane]
-
-
-@kernel
-def exchange_robot(before: Robot, after: Robot, state: State) -> None:
-    """Continue with another body on the same grid, which keeps its place and its motion."""
-    own_x = after.center_x - before.center_x
-    own_y = after.center_y - before.center_y
-    from_x = state.cos * own_x - state.sin * own_y
-    from_y = state.sin * own_x + state.cos * own_y
-    state.x += from_x
-    state.y += from_y
-    state.vx -= state.omega * from_y
-    state.vy += state.omega * from_x
-    state.clearance = 0.0
-    state.memory_count = 0
-
-
-@kernel
 def live_step(
     world: World, state: State, brain: Brain, observations: FloatArray, action: FloatArray
 ) -> float:
@@ -187,18 +120,9 @@ def live_step(
     wheels = world.wheels[: world.robot.wheel_count]
     for _ in range(STEPS_PER_ACTION):
         write_sensors(sensors, brain.indices, observations, current)
-        _control_step(brain, current, updated)
+        lone_step(brain, current, updated)
         current, updated = updated, current
     brain.states[:] = current
     if not read_wheels(wheels, brain.indices, current, 0, action):
         return math.nan
     return step_episode(world, state, action, observations[0])
-
-
-@kernel
-def _control_step(brain: Brain, states: FloatArray, updated: FloatArray) -> None:
-    """Update every occupied cell once; see ``nca_kernels.control_step``."""
-    buffers = Buffers(states, updated, np.empty(2 * UNIT_LANES, dtype=np.float32))
-    for cell in range(brain.graph.start.shape[0] - 1):
-        layer = FirstLayer(brain.constants, cell * UNIT_LANES, CHANGING_CHANNELS)
-        _update_lone_cell(brain.network, brain.graph, layer, buffers, (cell, 0))

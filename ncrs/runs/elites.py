@@ -18,7 +18,7 @@ from ncrs.runs.seeds import row_numbers, row_sequence, training_generation
 from ncrs.runs.settings import run_file
 from ncrs_envs.body import Cell, parse_body
 from ncrs_envs.errors import NCRSError
-from ncrs_envs.mirroring import PLAIN_SAMPLING, ScenarioSampling
+from ncrs_envs.mirroring import PLAIN_SAMPLING, ScenarioSampling, sampling_of
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import Task, TaskSettings
 
@@ -174,7 +174,7 @@ def load_archive(path: str | Path) -> EliteArchive:
             task,
             Archive.from_state(state["archive"]),
             int(state["episodes"]),
-            ScenarioSampling(**state["sampling"]).check(),
+            sampling_of(state["sampling"]),
         )
         expected = make_archive(task)
     except (TypeError, KeyError, ValueError) as error:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from ncrs_envs.batched.layout import Scenario as ScenarioRecord
 from ncrs_envs.batched.layout import Scenarios, make_scenarios
 from ncrs_envs.batched.records import scenario_records
 from ncrs_envs.batched.sampling import MAX_QUADS, ObstacleDraws
+from ncrs_envs.perturbations import Damage
 from ncrs_envs.scenario import Scenario, sample_scenario
 from ncrs_envs.tasks import Task
 
@@ -35,6 +37,19 @@ class ScenarioTable:
         """Return the scenario of an episode, or None."""
         make = self._makers[episode]
         return None if make is None else make()
+
+    def perturbed(self, episode: int) -> Scenario | None:
+        """Return the scenario of an episode if anything happens to its robot, or None."""
+        make = self._makers[episode]
+        scenario = make() if isinstance(make, _Kept) else None  # what is drawn here is plain
+        return scenario if scenario is not None and scenario.is_perturbed else None
+
+    def damage(self, damages: Mapping[int, Damage]) -> None:
+        """Put damages, by episode, in the place of those of the scenarios."""
+        for episode, damage in damages.items():
+            scenario = self[episode]
+            if scenario is not None:
+                self._makers[episode] = _Kept(replace(scenario, damage=damage))
 
     def start(self, episode: int) -> tuple[float, float]:
         """Return the start position of an episode's robot."""

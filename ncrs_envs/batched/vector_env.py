@@ -19,6 +19,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from ncrs_envs.batched.env_robots import EnvRobots
 from ncrs_envs.batched.episode_batch import EpisodeBatch
 from ncrs_envs.batched.pictures import Pictures, check_render_envs, frame_size
 from ncrs_envs.batched.scenario_table import Indices
@@ -27,6 +28,7 @@ from ncrs_envs.batched.vector_options import (
     check_autoreset_mode,
     check_compiled,
     check_count,
+    check_damages,
     check_mask,
     check_regions,
     check_scenarios,
@@ -35,7 +37,7 @@ from ncrs_envs.batched.vector_options import (
     without_mask,
 )
 from ncrs_envs.bodies import check_bodies, grid_side
-from ncrs_envs.body import HULL_DENSITY, sensor_mask, wheel_mask
+from ncrs_envs.body import HULL_DENSITY
 from ncrs_envs.interface import OptionError, check_action, check_flag, check_options
 from ncrs_envs.physics import DT
 from ncrs_envs.rendering import Scene
@@ -139,10 +141,8 @@ class RobotVectorEnv(_BaseEnv):
         bodies = check_bodies(chosen, self.task, n, check_mask(None, self.num_envs))
         workers = None if threads is None else check_count(threads, "threads")
         self._batch = EpisodeBatch(self.settings, self.num_envs, workers)
-        self._bodies = np.zeros((self.num_envs, n, n), dtype=np.int8)
-        self._sensor_masks = np.zeros(self._bodies.shape, dtype=np.bool_)
-        self._wheel_masks = np.zeros(self._bodies.shape, dtype=np.bool_)
-        self._set_bodies(np.arange(self.num_envs), bodies)
+        self._robots = EnvRobots(self._batch, n)
+        self._robots.put(np.arange(self.num_envs), bodies)
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._seeds = [-1] * self.num_envs
         self._steps = np.zeros(self.num_envs, dtype=np.int64)
@@ -169,7 +169,7 @@ class RobotVectorEnv(_BaseEnv):
     @property
     def bodies(self) -> NDArray[np.int8]:
         """The present bodies, int8 ``(num_envs, n, n)``, a copy."""
-        return self._bodies.copy()
+        return self._robots.bodies.copy()
 
     @property
     def scenarios(self) -> tuple[Scenario | None, ...]:
@@ -193,12 +193,6 @@ class RobotVectorEnv(_BaseEnv):
             self._generators[env] = generator
         return generator
 
-    def _set_bodies(self, envs: Indices, bodies: NDArray[np.int8]) -> None:
-        self._batch.set_bodies(envs, bodies)
-        self._bodies[envs] = bodies
-        self._sensor_masks[envs] = sensor_mask(bodies)
-        self._wheel_masks[envs] = wheel_mask(bodies)
-
     def reset(
         self,
         *,
@@ -210,14 +204,15 @@ class RobotVectorEnv(_BaseEnv):
         Args:
             seed: Seed for each environment, or an integer ``s`` for ``s, s + 1, ...``. An
                 environment's scenario is the one that a single environment has with its seed.
-            options: Reset options: ``body``, ``region`` and ``scenario`` as in the single
-                environments, each one for all or one for each; and ``reset_mask``, a bool array
-                of the environments to reset.
+            options: Reset options: ``body``, ``region``, ``scenario`` and ``damage`` as in the
+                single environments, each one for all or one for each; and ``reset_mask``, a bool
+                array of the environments to reset.
 
         Raises:
             OptionError: An option or seed is unknown or malformed, or options exclude each other.
             BodyError: A body is malformed, or the task cannot use it.
             ScenarioError: A region is unknown, or a scenario does not fit the task.
+            PerturbationError: A damage is malformed, or does not fit the grid.
         """
         self._check_open()
         given = dict(check_options(without_mask(options)))
@@ -227,16 +222,19 @@ class RobotVectorEnv(_BaseEnv):
         bodies = None if body is None else check_bodies(body, self.task, n, mask)
         regions = check_regions(given.get("region"), self.num_envs)
         scenarios = check_scenarios(given.get("scenario"), self.task, n, self.num_envs)
+        damages = check_damages(given.get("damage"), n, self.num_envs)
         envs = np.flatnonzero(mask)
         seeds = check_seeds(seed, self.num_envs)
         seeded = {i: seeding.np_random(seeds[i]) for i in envs.tolist() if seeds[i] is not None}
         for i, (generator, used) in seeded.items():
             self._generators[i], self._seeds[i] = generator, used
+        self._robots.end(envs)
         if bodies is not None:
-            self._set_bodies(envs, bodies)
+            self._robots.put(envs, bodies)
         pinned = {i: s for i, s in enumerate(scenarios) if s is not None and mask[i]}
         self._batch.scenarios.put(list(pinned), list(pinned.values()))
         self._draw([i for i in envs.tolist() if scenarios[i] is None], regions)
+        self._batch.scenarios.damage({i: d for i, d in enumerate(damages) if d and mask[i]})
         self._start(envs)
         return self._observations(), self._info(mask)
 
@@ -249,12 +247,15 @@ class RobotVectorEnv(_BaseEnv):
         )
 
     def _start(self, envs: Indices) -> None:
+        self._robots.end(envs)
+        self._robots.begin(envs)
         self._batch.start(envs)
         self._pictures.start(envs.tolist(), self._batch.scenarios.start)
         self._steps[envs] = 0
         self._is_done[envs] = False
         self._is_started[envs] = True
         self._actions[envs] = 0.0
+        self._robots.damage(envs, self._steps)
 
     def step(
         self, actions: NDArray[np.float32]
@@ -288,10 +289,12 @@ class RobotVectorEnv(_BaseEnv):
             )
         n = self.settings.grid_size
         self._actions = check_action(actions, (self.num_envs, n, n), "one gas value per cell")
+        self._robots.silence(self._actions, self._steps)
         flat = self._actions.reshape(self.num_envs, n * n)
         is_running = ~was_done
         rewards = self._batch.step(flat, is_running)
         self._steps += 1
+        self._robots.damage(np.flatnonzero(is_running), self._steps)
         if was_done.any():
             envs = np.flatnonzero(was_done)
             self._draw(envs.tolist())
@@ -328,17 +331,11 @@ class RobotVectorEnv(_BaseEnv):
         return info
 
     def _observations(self) -> NDArray[np.float32]:
-        return self._batch.observations.reshape(self._bodies.shape).copy()
+        return self._robots.observations(self._steps)
 
     def _info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
         """Return the infos of the environments in ``mask``."""
-        values: dict[str, NDArray[Any]] = {
-            "body": self._bodies.copy(),
-            "sensor_mask": self._sensor_masks.copy(),
-            "wheel_mask": self._wheel_masks.copy(),
-            **self._batch.infos(),
-        }
-        return batch_info(values, mask)
+        return batch_info({**self._robots.infos(), **self._batch.infos()}, mask)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return an RGB frame for each environment; None without a render mode.
@@ -362,7 +359,8 @@ class RobotVectorEnv(_BaseEnv):
         if self._batch.scenarios[env] is None:
             raise ResetNeeded("Call reset() before render(): there is nothing to show yet.")
         path = self._pictures.path(env)
-        return self._batch.scene(env, self._bodies[env].copy(), self._actions[env].copy(), path)
+        body = self._robots.bodies[env].copy()
+        return self._batch.scene(env, body, self._actions[env].copy(), path)
 
     def _check_open(self) -> None:
         if self.closed:

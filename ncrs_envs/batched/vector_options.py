@@ -9,7 +9,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from ncrs_envs.interface import OptionError
+from ncrs_envs.interface import OptionError, check_damage
+from ncrs_envs.perturbations import Damage
 from ncrs_envs.scenario import Scenario, ScenarioError, check_region
 from ncrs_envs.tasks import Task, TaskError, TaskSettings
 
@@ -88,6 +89,17 @@ def check_scenarios(scenario: Any, task: Task, grid_size: int, count: int) -> li
             )
         one.check(task, grid_size)
     return scenarios
+
+
+def check_damages(damage: Any, grid_size: int, count: int) -> list[Damage | None]:
+    """Return a damage, or None, for each environment.
+
+    Raises:
+        OptionError: A sequence has the wrong length.
+        PerturbationError: A value is not a ``Damage``, or does not fit the grid.
+    """
+    damages = _for_each(damage, Damage, count)
+    return [None if one is None else check_damage(one, grid_size) for one in damages]
 
 
 def check_seeds(seed: Any, count: int) -> list[int | None]:
