@@ -13,10 +13,11 @@ from torch.nn import functional
 from ncrs.automaton.channels import (
     BODY_CHANNEL,
     CONTROL_CHANNEL,
+    STATE_LIMIT,
     STEPS_PER_ACTION,
 )
 from ncrs.automaton.nca import Automaton, NCAPopulation
-from ncrs_envs.body import BodyError, parse_body, sensor_mask, wheel_mask
+from ncrs_envs.body import BodyError, BodyGrid, parse_body, sensor_mask, wheel_mask
 from ncrs_envs.errors import NCRSError
 
 
@@ -56,6 +57,8 @@ class Controller:
         BodyError: The bodies are malformed, or do not have one row per genome.
     """
 
+    _state: torch.Tensor
+
     def __init__(
         self, nca: Automaton, bodies: Any, *, seed: int | None = None, batch: int | None = None
     ) -> None:
@@ -72,18 +75,22 @@ class Controller:
         self._seed = seed
         self._batch = batch
         self._shape = bodies.shape
-        grid_size = bodies.shape[-1]
         rows = (nca.size, -1) if isinstance(nca, NCAPopulation) else (-1,)
-        batched = (*rows, grid_size, grid_size)
+        self._batched = (*rows, *bodies.shape[-2:])
         self._device = nca.device
+        self._set_bodies(flat)
+        self.reset()
+
+    def _set_bodies(self, flat: NDArray[np.int8]) -> None:
+        """Set what follows from the bodies, ``(robots, n, n)``."""
 
         def cells(mask: NDArray[np.bool_]) -> torch.Tensor:
-            return torch.from_numpy(mask.reshape(batched)).to(self._device)
+            return torch.from_numpy(mask.reshape(self._batched)).to(self._device)
 
         self._occupied = cells(flat != 0)
         self._sensors = cells(sensor_mask(flat))
         self._wheels = cells(wheel_mask(flat))
-        layout = nca.layout
+        layout, grid_size = self._nca.layout, flat.shape[-1]
         self._start = torch.zeros(
             (*self._occupied.shape[:-2], layout.channels, grid_size, grid_size),
             dtype=torch.float32,
@@ -93,7 +100,15 @@ class Controller:
         self._start[..., CONTROL_CHANNEL, :, :] = 1.0
         for channel, code in enumerate(layout.part_codes, start=layout.part_channels.start):
             self._start[..., channel, :, :] = cells(flat == code).float()
-        self.reset()
+
+    def exchange(self, bodies: BodyGrid) -> None:
+        """Go on in other bodies of the same shape; states are kept where both have a cell."""
+        before, kept = self._state, self._occupied
+        self._set_bodies(np.asarray(bodies).reshape(-1, *bodies.shape[-2:]))
+        self._state = self._start.clone()
+        changing = self._nca.layout.changing_channels
+        shared = (kept & self._occupied).unsqueeze(-3)
+        self._state[..., changing, :, :] = before[..., changing, :, :] * shared
 
     def reset(self) -> None:
         """Start an episode: set the hidden and input/output channels to zero."""
@@ -119,7 +134,13 @@ class Controller:
         batches = [filled[start : start + self._batch] for start in starts]
         return torch.cat([self._nca(batch, self._generator) for batch in batches])[:count]
 
-    def act(self, observations: Any) -> NDArray[np.float32]:
+    def act(
+        self,
+        observations: Any,
+        *,
+        rests: NDArray[np.bool_] | None = None,
+        noise: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
         """Run two NCA steps and read the wheels.
 
         Before each step, the sensor values overwrite the input/output channel of sensor cells. Only
@@ -127,6 +148,10 @@ class Controller:
 
         Args:
             observations: Sensor values in sensor cells, same shape as the bodies.
+            rests: Mask of the robots whose states stay as they are, and whose gas is 0, shape as
+                that of the bodies without the grid; None for none.
+            noise: Noise on the hidden and the input/output channels after each step, ``(2, robots,
+                channels, n, n)``; None for none.
 
         Returns:
             Gas in wheel cells, 0 elsewhere; float32, same shape. Environments clip it.
@@ -149,14 +174,23 @@ class Controller:
         layout = self._nca.layout
         changing, io = layout.changing_channels, layout.io_channel
         occupied = self._occupied.unsqueeze(-3)
+        before = None if rests is None else self._state.clone()
         with torch.no_grad():
-            for _ in range(STEPS_PER_ACTION):
+            for step in range(STEPS_PER_ACTION):
                 signal = self._state[..., io, :, :]
                 torch.where(self._sensors, sensed, signal, out=signal)
-                updated = self._next_states()
-                self._state[..., changing, :, :] = updated[..., changing, :, :] * occupied
+                updated = self._next_states()[..., changing, :, :]
+                if noise is not None:
+                    drawn = torch.from_numpy(noise[step]).to(self._device).view_as(updated)
+                    updated = (updated + drawn).clamp(-STATE_LIMIT, STATE_LIMIT)
+                self._state[..., changing, :, :] = updated * occupied
+        if rests is not None and before is not None:
+            resting = torch.from_numpy(rests.reshape(self._state.shape[:-3])).to(self._device)
+            self._state = torch.where(resting[..., None, None, None], before, self._state)
         gas = self._state[..., io, :, :] * self._wheels
         actions = np.array(gas.cpu().numpy().reshape(self._shape), dtype=np.float32)
+        if rests is not None:
+            actions[rests] = 0.0
         finite = torch.isfinite(self._state).flatten(-3).all(dim=-1).flatten()
         if not finite.all():
             raise StateError(torch.nonzero(~finite).flatten().tolist())

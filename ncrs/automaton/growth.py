@@ -76,6 +76,40 @@ def grow(
     return bodies, grown.cpu().numpy()
 
 
+def regrow(nca: Automaton, body: BodyGrid, steps: int) -> BodyGrid:
+    """Let a body grow on from where it stands.
+
+    Growth begins with the body and part channels of the cells that there are, all others zero.
+
+    Args:
+        nca: One NCA.
+        body: Cell codes, shape ``(n, n)``.
+        steps: Number of growth steps.
+
+    Returns:
+        The body, int8 ``(n, n)``; the given one if a state turned non-finite, or if nothing is
+        left.
+    """
+    state = standing_state(body, nca.layout).to(nca.device)[None]
+    with torch.no_grad():
+        for _ in range(steps):
+            alive = alive_cells(state)
+            state = nca(state) * alive
+            if not bool(torch.isfinite(state).all()):
+                return body
+    grown = read_body(state, nca.layout)[0]
+    return grown if grown.any() else body
+
+
+def standing_state(body: BodyGrid, layout: NCALayout) -> Tensor:
+    """Make the state in which a body begins to grow on, float32 ``(C, n, n)``."""
+    state = torch.zeros((layout.channels, *body.shape), dtype=torch.float32, device="cpu")
+    state[BODY_CHANNEL] = torch.from_numpy(body != 0).float()
+    for channel, code in enumerate(layout.part_codes, start=layout.part_channels.start):
+        state[channel] = torch.from_numpy(body == code).float()
+    return state
+
+
 @dataclass(frozen=True, eq=False)
 class Growth:
     """Growth step by step, of one robot or of P: the seed, then T steps."""

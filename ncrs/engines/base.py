@@ -76,6 +76,8 @@ class Evaluation:
     """True if the body is valid, ``(P,)``."""
     measures: NDArray[np.int64]
     """Numbers of sensors, wheels and cells, ``(P, 3)``; -1 for invalid bodies."""
+    recovered: NDArray[np.float64]
+    """Fraction of the lost modules that are back at the end, ``(P, E)``; 1 if none was lost."""
 
     @property
     def env_steps(self) -> int:
@@ -98,6 +100,8 @@ class RolloutResult:
     grown: NDArray[np.bool_] | None = None
     """False if the automaton's state became non-finite during growth, ``(P,)``; None where that is
     not recorded."""
+    recovered: NDArray[np.float64] | None = None
+    """None without perturbations."""
 
 
 class Engine(ABC):
@@ -188,6 +192,7 @@ class Engine(ABC):
                 NonFiniteStateWarning,
                 stacklevel=3,
             )
+        back = 1.0 if result.recovered is None else result.recovered
         measures = np.where(valid[:, None], body_measures(result.bodies), INVALID_MEASURES)
         return Evaluation(
             fitness=episode_fitness.mean(axis=1),
@@ -198,6 +203,7 @@ class Engine(ABC):
             bodies=result.bodies,
             valid=valid,
             measures=measures,
+            recovered=np.where(valid[:, None], back, np.ones(result.success.shape)),
         )
 
     def _check_scenarios(
@@ -317,8 +323,15 @@ AUTO_ENGINE = "auto"
 needs, else ``batched``; ``box2d`` for tasks and settings that need it."""
 
 
-def resolve_engine(name: str, settings: TaskSettings | None = None) -> str:
+def resolve_engine(
+    name: str, settings: TaskSettings | None = None, perturbed: bool = False
+) -> str:
     """Resolve the name of an engine, for a task and its settings if they are known.
+
+    Args:
+        name: Name of an engine, or "auto".
+        settings: Task and its settings.
+        perturbed: True if something happens to the robots, which GPUs do not simulate.
 
     Raises:
         EngineSettingError: If there is no such engine.
@@ -326,7 +339,7 @@ def resolve_engine(name: str, settings: TaskSettings | None = None) -> str:
     if name == AUTO_ENGINE:
         if settings is not None and settings.needs_box2d:
             return "box2d"
-        return CUDA_ENGINE if has_gpu() else "batched"
+        return CUDA_ENGINE if not perturbed and has_gpu() else "batched"
     if name not in ENGINES:
         raise EngineSettingError(
             f"Unknown engine {name!r}; choose one of {sorted([AUTO_ENGINE, *ENGINES])}."

@@ -18,7 +18,8 @@ from ncrs.engines.base import (
     ScenarioRows,
     StopCheck,
 )
-from ncrs.engines.nca_kernels import IntArray, pack_genomes
+from ncrs.engines.nca_kernels import IntArray, Network, pack_genomes
+from ncrs.engines.perturbed_rollout import Perturbed, roll_out_perturbed
 from ncrs.engines.rollout_kernels import (
     Grown,
     Rollout,
@@ -28,7 +29,9 @@ from ncrs.engines.rollout_kernels import (
     roll_out_population,
 )
 from ncrs_envs.batched.layout import Scenarios
+from ncrs_envs.batched.perturbations import Perturbations, perturbation_records
 from ncrs_envs.batched.records import scenario_records, settings_record
+from ncrs_envs.perturbing import are_perturbed
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 _POLL_S = 0.05
@@ -77,9 +80,15 @@ class BatchedEngine(Engine):
         def grow(chosen: IntArray) -> None:
             grow_population(growth, part_codes, growth_steps(n), chosen, grown)
 
+        perturbed = perturbed_inputs(rows, growth, population, n)
+
         def roll_out(chosen: IntArray) -> None:
-            workspace = make_workspace(n, episodes)
-            roll_out_population(rollout, workspace, chosen, outcomes, None)
+            if perturbed is None:
+                workspace = make_workspace(n, episodes)
+                roll_out_population(rollout, workspace, chosen, outcomes, None)
+            else:
+                workspace = make_workspace(n, 1, robots=2)
+                roll_out_perturbed(rollout, perturbed, workspace, chosen, outcomes)
 
         for kernel in (grow, roll_out):
             kernel(np.arange(0))  # no genomes: compiles, or loads from disk
@@ -87,7 +96,8 @@ class BatchedEngine(Engine):
             self._spread(grow, np.arange(population), _GROWTH_CHUNK, should_stop)
         valid = np.flatnonzero(settings.task.is_valid(grown.bodies))
         self._spread(roll_out, valid, 1, should_stop)
-        return RolloutResult(grown.bodies, *outcomes, grown=grown.finite)
+        recovered = None if perturbed is None else perturbed.recovered
+        return RolloutResult(grown.bodies, *outcomes, grown=grown.finite, recovered=recovered)
 
     def _spread(
         self,
@@ -127,3 +137,26 @@ def scenario_table(rows: ScenarioRows, grid_size: int) -> Scenarios:
     flat = scenario_records([scenario for row in rows for scenario in row], grid_size)
     quads = flat.quads.reshape(*shape, -1)
     return Scenarios(flat.scenarios.reshape(shape), quads)
+
+
+def perturbed_inputs(
+    rows: ScenarioRows, growth: Network, population: int, grid_size: int
+) -> Perturbed | None:
+    """Return what a perturbed rollout needs; None if nothing happens to any robot.
+
+    Args:
+        rows: Scenarios, one row or one per genome.
+        growth: Weights for growth of the whole population.
+        population: Number of genomes.
+        grid_size: Side of the body grid.
+    """
+    if not are_perturbed(rows):
+        return None
+    shape = (len(rows), len(rows[0]))
+    flat = perturbation_records([scenario for row in rows for scenario in row], grid_size)
+    table = Perturbations(
+        flat.perturbations.reshape(shape),
+        flat.damaged.reshape(*shape, -1),
+        flat.failing.reshape(*shape, -1),
+    )
+    return Perturbed(growth, table, np.ones((population, shape[1])))

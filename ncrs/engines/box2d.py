@@ -20,9 +20,11 @@ from ncrs.engines.base import (
     ScenarioRows,
     StopCheck,
 )
+from ncrs.engines.perturbed_drive import Perturber, recovered
 from ncrs.engines.pool import WorkerPool
 from ncrs_envs.body import BodyGrid
 from ncrs_envs.episode import Episode, Robot
+from ncrs_envs.perturbing import are_perturbed
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
@@ -49,6 +51,7 @@ class _GenomeResult:
     success: NDArray[np.bool_]
     crossed: NDArray[np.bool_]
     closest: NDArray[np.float64]
+    recovered: NDArray[np.float64]
 
 
 Recorder = Callable[[Controller, NDArray[np.float32], NDArray[np.float64]], None]
@@ -72,17 +75,24 @@ def drive(
     """
     bodies = np.stack([episode.robot.body for episode in episodes])
     controller = Controller(nca, bodies, batch=_BATCH)
+    is_perturbed = any(episode.scenario.is_perturbed for episode in episodes)
+    perturber = Perturber(nca, episodes, controller) if is_perturbed else None
     total = np.zeros(len(episodes))
     if record is not None:
         record(controller, np.zeros(bodies.shape, dtype=np.float32), np.zeros(len(episodes)))
     for _ in range(MAX_EPISODE_STEPS):
+        rests = None if perturber is None else perturber.begin_step()
+        noise = None if perturber is None else perturber.noise()
+        observations = np.stack([episode.observation for episode in episodes])
         try:
-            actions = controller.act(np.stack([episode.observation for episode in episodes]))
+            actions = controller.act(observations, rests=rests, noise=noise)
         except StateError as error:
             total[list(error.robots)] = np.nan
             break
         rewards = np.array([e.step(a) for e, a in zip(episodes, actions, strict=True)])
         total += rewards
+        if perturber is not None:
+            perturber.end_step()
         if record is not None:
             record(controller, actions, rewards)
     return total / MAX_EPISODE_STEPS
@@ -97,7 +107,7 @@ def evaluate_genome(job: _Job) -> _GenomeResult:
             number = len(job.scenarios)
             nothing = np.zeros(number, dtype=np.bool_)
             nowhere = np.full((number, job.settings.task.distances), np.inf)
-            return _GenomeResult(body, np.zeros(number), nothing, nothing, nowhere)
+            return _GenomeResult(body, np.zeros(number), nothing, nothing, nowhere, np.ones(number))
         robot = Robot(body, job.settings.hull_density)
         episodes = [Episode(job.settings, robot, scenario) for scenario in job.scenarios]
         return _GenomeResult(
@@ -106,6 +116,7 @@ def evaluate_genome(job: _Job) -> _GenomeResult:
             success=np.array([e.success for e in episodes]),
             crossed=np.array([e.crossed for e in episodes]),
             closest=np.array([e.closest for e in episodes]),
+            recovered=np.array([recovered(e, body) for e in episodes]),
         )
 
 
@@ -155,6 +166,7 @@ class Box2DEngine(Engine):
             success=np.stack([r.success for r in results]),
             crossed=np.stack([r.crossed for r in results]),
             closest=np.stack([r.closest for r in results]),
+            recovered=np.stack([r.recovered for r in results]) if are_perturbed(rows) else None,
         )
 
     def close(self) -> None:

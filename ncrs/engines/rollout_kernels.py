@@ -89,7 +89,7 @@ class Workspace(NamedTuple):
     """Buffers for the physics of one robot at a time; threads must not share them."""
 
     robots: Robots
-    """One robot's records."""
+    """One robot's records, or two where bodies are exchanged."""
     scratch: Scratch
     states: NDArray[State]
     """States of all episodes."""
@@ -105,9 +105,11 @@ def make_outcomes(population: int, episodes: int, distances: int) -> Outcomes:
     )
 
 
-def make_workspace(grid_size: int, episodes: int) -> Workspace:
+def make_workspace(grid_size: int, episodes: int, robots: int = 1) -> Workspace:
     """Return a new workspace for bodies of ``grid_size`` in ``episodes`` episodes."""
-    return Workspace(make_robots(1, grid_size), make_scratch(grid_size), records(State, episodes))
+    return Workspace(
+        make_robots(robots, grid_size), make_scratch(grid_size), records(State, episodes)
+    )
 
 
 @kernel
@@ -214,7 +216,7 @@ def _roll_out_genome(
         record_states(tapes, genome, indices, current)
     for episode in range(episodes):
         fitness[episode] /= rollout.steps
-        if not _is_finite(current, episode):
+        if not is_finite(current, episode):
             fitness[episode] = np.nan
         state: State = states[episode]
         outcomes.success[genome, episode] = state.success
@@ -263,7 +265,7 @@ def read_wheels(
 
 
 @kernel
-def _is_finite(states: FloatArray, episode: int) -> bool:
+def is_finite(states: FloatArray, episode: int) -> bool:
     """Return True if an episode's states are finite; a NaN stays in its cell until the end."""
     for cell in range(states.shape[0]):
         for lane in range(CONTROL_LANES):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ncrs.engines.base import (
     Engine,
+    EngineSettingError,
     EvaluationInterrupted,
     GivenBodies,
     RolloutResult,
@@ -26,6 +27,7 @@ from ncrs.engines.batched import check_compiled_rules, scenario_table
 from ncrs.engines.cuda.devices import check_devices, on_device
 from ncrs.engines.cuda.part import Device, PartResult
 from ncrs_envs.batched.layout import Scenarios
+from ncrs_envs.perturbing import are_perturbed
 from ncrs_envs.tasks import TaskSettings
 
 
@@ -64,6 +66,11 @@ class CUDAEngine(Engine):
         should_stop: StopCheck,
         bodies: GivenBodies,
     ) -> RolloutResult:
+        if are_perturbed(rows):
+            raise EngineSettingError(
+                "engine=cuda simulates no damage, failing wheels, noise or repair; choose "
+                "engine=batched or engine=box2d."
+            )
         scenarios = scenario_table(rows, self.settings.grid_size)
         shares = np.array_split(np.arange(len(genomes)), min(len(self.devices), len(genomes)))
         lock = Lock()
