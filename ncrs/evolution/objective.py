@@ -82,6 +82,8 @@ class Objective:
     closest approach to the ball and the ball's to the target."""
     name: str = FITNESS
     """Name of the function, one of ``OBJECTIVES``."""
+    recovery_bonus: float = 0.0
+    """Added to an episode's mean reward, times the fraction of the lost modules that are back."""
 
     def __call__(self, evaluation: Evaluation) -> NDArray[np.float64]:
         """Compute the objective of each genome, float64 ``(P,)``.
@@ -98,4 +100,5 @@ class Objective:
         extent = playfield(self.settings.grid_size)
         approach = np.exp(-evaluation.closest / extent).mean(axis=-1)
         bonus = self.success_bonus * evaluation.success + self.approach_bonus * approach
+        bonus = bonus + self.recovery_bonus * evaluation.recovered
         return np.asarray(values + bonus.mean(axis=1))

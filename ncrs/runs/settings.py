@@ -25,6 +25,7 @@ from ncrs_envs.checks import check_types, closest
 from ncrs_envs.curriculum import NO_CURRICULUM
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.mirroring import AUTO_MIRRORING, STANDARD, ScenarioSampling, resolve_mirroring
+from ncrs_envs.perturbing import PerturbationSettings
 from ncrs_envs.scenario import NOISE
 from ncrs_envs.tasks import TaskSettings
 
@@ -45,6 +46,7 @@ class TrainConfig:
     task: TaskSettings = field(default_factory=TaskSettings)
     optimizer: OptimizerSettings = field(default_factory=SepCMAESSettings)
     engine: EngineSettings = field(default_factory=EngineSettings)
+    perturbations: PerturbationSettings = field(default_factory=PerturbationSettings)
     seed: int = 0
     """Seed of the whole run: it determines the result, whatever the number of workers."""
     generations: int = 1000
@@ -80,6 +82,8 @@ class TrainConfig:
     reports keep the plain fitness."""
     approach_bonus: float = 0.0
     """Bonus on that fitness, times exp(-d / P) with the episode's closest approach d."""
+    recovery_bonus: float = 0.0
+    """Bonus on that fitness, times the fraction of the lost modules that are back in the end."""
     space: str = WEIGHTS
     """Search space: weights, all of them; carrier, the gains of a robot by hand that carries the
     ball; or the name of a registered one."""
@@ -123,11 +127,11 @@ class TrainConfig:
             check_objective(self.objective)
         except ObjectiveError as error:
             raise ConfigError(str(error)) from error
-        bonus = max(self.success_bonus, self.approach_bonus)
+        bonus = max(self.success_bonus, self.approach_bonus, self.recovery_bonus)
         is_shaped = bonus > 0 or self.objective != FITNESS
         if is_shaped and not self.optimizer.maximises_fitness:
             raise ConfigError(
-                f"objective, success_bonus and approach_bonus change what an optimizer is told; "
+                f"objective and the bonuses change what an optimizer is told; "
                 f"{self.optimizer.name} learns from its archive instead, which holds the plain "
                 "fitness. Leave them out, or use another optimizer."
             )
@@ -151,7 +155,12 @@ class TrainConfig:
         """Return the checked sampling of scenarios, with "auto" mirroring resolved."""
         try:
             mirroring = resolve_mirroring(self.mirroring, self.task.task, self.symmetric)
-            plain = ScenarioSampling(mirroring, self.placement_noise, self.scenarios).check()
+            plain = ScenarioSampling(
+                mirroring,
+                self.placement_noise,
+                self.scenarios,
+                perturbations=replace(self.perturbations),
+            ).check()
             if self.curriculum == NO_CURRICULUM:
                 return plain
             eased = replace(
@@ -168,7 +177,12 @@ class TrainConfig:
         """Return these settings with every "auto" resolved."""
         return replace(
             self,
-            engine=replace(self.engine, name=resolve_engine(self.engine.name, self.task)),
+            engine=replace(
+                self.engine,
+                name=resolve_engine(
+                    self.engine.name, self.task, perturbed=self.perturbations.is_any
+                ),
+            ),
             mirroring=self.sampling().mirroring,
         )
 
@@ -179,11 +193,20 @@ _MINIMA = {
     "curriculum_generations": 1,
     "success_bonus": 0,
     "approach_bonus": 0,
+    "recovery_bonus": 0,
     "champion_every": 1,
     "champion_episodes": 1,
     "reestimate_every": 0,
     "checkpoint_seconds": 0,
 }
+
+
+_GROUPS: Mapping[str, type] = {
+    "task": TaskSettings,
+    "engine": EngineSettings,
+    "perturbations": PerturbationSettings,
+}
+"""Records of settings by the name of their group."""
 
 
 def unknown_setting(name: str, record: type) -> ConfigError:
@@ -203,7 +226,7 @@ def unknown_setting(name: str, record: type) -> ConfigError:
             return ConfigError(f"{own} has no setting {name!r}; {' and '.join(owners)} {have} it.")
     known = {other: f"{prefix}{other}" for other in _names(record)}
     if record is TrainConfig:  # a setting of a group may have been given without the group
-        groups = (("task", TaskSettings), ("engine", EngineSettings))
+        groups = _GROUPS.items()
         optimizers = (("optimizer", entry.settings) for entry in OPTIMIZERS.values())
         for part, its_record in (*groups, *optimizers):
             for other in _names(its_record):
@@ -224,15 +247,14 @@ def config_from_dict(values: Mapping[str, Any]) -> TrainConfig:
         ConfigError: If a setting is unknown, or a record refuses it.
     """
     _check_mapping(values, "The settings")
-    for group in ("task", "engine", "optimizer"):
+    for group in (*_GROUPS, "optimizer"):
         if group in values:
             _check_mapping(values[group], group)
     arguments = dict(values)
     try:
-        if "task" in values:
-            arguments["task"] = _record(TaskSettings, values["task"], "task.")
-        if "engine" in values:
-            arguments["engine"] = _record(EngineSettings, values["engine"], "engine.")
+        for group, kind in _GROUPS.items():
+            if group in values:
+                arguments[group] = _record(kind, values[group], f"{group}.")
         if "optimizer" in values:
             name = values["optimizer"].get("name", SepCMAESSettings.name)
             if not isinstance(name, str) or name not in OPTIMIZERS:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from ncrs.evolution.optimizers import OPTIMIZERS
 from ncrs.runs.engine_settings import EngineSettings
 from ncrs.runs.settings import TrainConfig
+from ncrs_envs.perturbing import PerturbationSettings
 from ncrs_envs.tasks import TaskSettings
 
 _WIDTH = 100
@@ -99,6 +100,7 @@ def all_explanations() -> str:
             *_of_record(TrainConfig),
             *_of_record(TaskSettings, "task."),
             *_of_record(EngineSettings, "engine."),
+            *_of_record(PerturbationSettings, "perturbations."),
             *_of_optimizers(),
         ]
     )

@@ -57,7 +57,11 @@ class Search:
         self._space = search_space(config)
         self._sampling = config.sampling()
         self.objective = Objective(
-            config.task, config.success_bonus, config.approach_bonus, config.objective
+            config.task,
+            config.success_bonus,
+            config.approach_bonus,
+            config.objective,
+            config.recovery_bonus,
         )
         self.archive = make_archive(config.task)
         try:

@@ -14,7 +14,7 @@ from ncrs.evolution.schema import check_like, check_names
 from ncrs.runs.champion import Champion
 from ncrs.runs.seeds import Stream, seed_sequence
 from ncrs.runs.settings import TrainConfig
-from ncrs_envs.scenario import sample_scenarios
+from ncrs_envs.mirroring import ScenarioSampling
 
 
 class ChampionSelection:
@@ -28,7 +28,8 @@ class ChampionSelection:
     def __init__(self, config: TrainConfig, objective: Objective) -> None:
         self._task = config.task
         self._objective = objective
-        self._scenarios = sample_scenarios(
+        # The paper's placements, whatever the training's are, but its perturbations.
+        self._scenarios = ScenarioSampling(perturbations=config.perturbations).draw(
             config.task.task,
             seed_sequence(config.seed, Stream.CHAMPION),
             config.champion_episodes,
