@@ -116,10 +116,10 @@ def grow_each(
     """
     generator = torch.Generator().manual_seed(seed)
     with one_torch_thread(), torch.inference_mode(False), torch.enable_grad():
-        return _Descent(layout, bodies, units, generator).descend(steps)
+        return Descent(layout, bodies, units, generator).descend(steps)
 
 
-class _Descent:
+class Descent:
     """Weights under training, and the distances of what they grow from the bodies."""
 
     def __init__(
@@ -217,12 +217,17 @@ class _Descent:
         self, layers: list[Tensor]
     ) -> tuple[Tensor, NDArray[np.float32], NDArray[np.int8]]:
         """Return the losses, the largest violations of a margin, and the bodies that grow."""
-        reading, bias1, middle, writing, bias3 = layers
         count, size, _ = self._bodies.shape
         seed = seed_state(self._layout.channels, size)
-        state = seed.expand(count, *seed.shape)
+        return self._distances_from(seed.expand(count, *seed.shape), growth_steps(size), layers)
+
+    def _distances_from(
+        self, state: Tensor, steps: int, layers: list[Tensor]
+    ) -> tuple[Tensor, NDArray[np.float32], NDArray[np.int8]]:
+        """Return the same for growth of so many steps from given states, ``(B, C, n, n)``."""
+        reading, bias1, middle, writing, bias3 = layers
         histories = []
-        for _ in range(growth_steps(size)):
+        for _ in range(steps):
             alive = alive_cells(state)
             seen = functional.unfold(state, KERNEL_SIZE, padding=1)
             hidden = functional.relu(torch.baddbmm(bias1, reading, seen))
