@@ -9,13 +9,18 @@ import argparse
 import importlib.util
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args, get_type_hints
 
+from ncrs_envs.perturbing import PerturbationSettings
 from ncrs_envs.tasks import TASKS
 
 if TYPE_CHECKING:
     from ncrs.runs.robot import EvolvedRobot
+
+_OF_TRAINING = ("damage_generations", "share")
+"""Settings of perturbations that are for training alone."""
 
 
 def add_robot_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
@@ -47,6 +52,35 @@ def add_seed_argument(parser: argparse.ArgumentParser, default: int = 0) -> None
         default=default,
         help="seed for sampling the scenarios; default: %(default)s",
     )
+
+
+def add_perturbation_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what happens to the robot: damage, failing wheels, noise, repair."""
+    from ncrs.training.explanations import explanations
+
+    group = parser.add_argument_group("damage, failing wheels, noise and repair")
+    hints = get_type_hints(PerturbationSettings)
+    for item in fields(PerturbationSettings):
+        if item.name in _OF_TRAINING:
+            continue
+        kinds = get_args(hints[item.name]) or (hints[item.name],)
+        group.add_argument(
+            f"--{item.name.replace('_', '-')}",
+            type=kinds[0],
+            default=item.default,
+            metavar=kinds[0].__name__.upper(),
+            help=explanations(PerturbationSettings)[item.name].text.replace("%", "%%"),
+        )
+
+
+def given_perturbations(options: argparse.Namespace) -> PerturbationSettings:
+    """Return the perturbations that the arguments choose.
+
+    Raises:
+        PerturbationError: If one is out of range.
+    """
+    names = [item.name for item in fields(PerturbationSettings) if item.name not in _OF_TRAINING]
+    return PerturbationSettings(**{name: getattr(options, name) for name in names})
 
 
 def given_robot(options: argparse.Namespace) -> EvolvedRobot:

@@ -8,16 +8,17 @@ from dataclasses import replace
 from ncrs.commands import (
     ROBOTS_FOLDER,
     add_output_argument,
+    add_perturbation_arguments,
     add_robot_arguments,
     add_seed_argument,
     describe,
+    given_perturbations,
     given_robot,
     output_folder,
     print_saved,
 )
 from ncrs.engines.base import ENGINES
 from ncrs.runs.assessment import (
-    ASSESSMENT_FILE,
     EPISODES,
     REFERENCE_ENGINE,
     assess,
@@ -49,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_seed_argument(parser)
     add_output_argument(parser, ROBOTS_FOLDER)
+    add_perturbation_arguments(parser)
     parser.set_defaults(action=_run)
 
 
@@ -60,10 +62,18 @@ def _run(options: argparse.Namespace) -> None:
         if (value := getattr(options, name)) is not None
     }
     robot = replace(robot, task=replace(robot.task, **built))
-    result = assess(robot, episodes=options.episodes, seed=options.seed, engine=options.engine)
+    perturbations = given_perturbations(options)
+    result = assess(
+        robot,
+        episodes=options.episodes,
+        seed=options.seed,
+        engine=options.engine,
+        perturbations=perturbations,
+    )
     # The test of an elite, or of another construction, must not pass for the champion's.
     changes = [*(options.measures or ()), *built.values()]
-    name = f"evaluation_{'-'.join(map(str, changes))}.json" if changes else ASSESSMENT_FILE
+    stem = "evaluation_perturbed" if perturbations.is_any else "evaluation"
+    name = "_".join([stem, "-".join(map(str, changes))] if changes else [stem]) + ".json"
     path = save_assessment(result, output_folder(options, options.robot), name)
     where = ", ".join([options.engine, *(f"{key}={value}" for key, value in built.items())])
     print(f"{describe(robot)}, {options.episodes} fresh episodes on {where}:")

@@ -323,9 +323,7 @@ AUTO_ENGINE = "auto"
 needs, else ``batched``; ``box2d`` for tasks and settings that need it."""
 
 
-def resolve_engine(
-    name: str, settings: TaskSettings | None = None, perturbed: bool = False
-) -> str:
+def resolve_engine(name: str, settings: TaskSettings | None = None, perturbed: bool = False) -> str:
     """Resolve the name of an engine, for a task and its settings if they are known.
 
     Args:

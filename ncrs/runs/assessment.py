@@ -17,7 +17,8 @@ from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.seeds import Stream, seed_sequence
 from ncrs.runs.statistics import NORMAL_95, wilson_interval
 from ncrs_envs.body import body_to_characters
-from ncrs_envs.scenario import sample_scenarios
+from ncrs_envs.mirroring import ScenarioSampling
+from ncrs_envs.perturbing import NO_PERTURBATIONS, PerturbationSettings
 from ncrs_envs.tasks import TaskSettings
 
 EPISODES = 100
@@ -26,6 +27,8 @@ _EPISODES_FOR_A_DECIMAL = 1000
 """Number of episodes from which on a tenth of a percent is worth printing."""
 ASSESSMENT_FILE = "evaluation.json"
 """Name of the file in a run's folder with the result of the champion's last test."""
+PERTURBED_FILE = "evaluation_perturbed.json"
+"""Name of the file with the result of its last test under damage or noise."""
 REFERENCE_ENGINE = "box2d"
 """Engine of champions' tests, whichever they evolved on: the reference physics."""
 
@@ -77,6 +80,10 @@ class Assessment:
     """Construction of the robot that was tested."""
     hull_density: float = TaskSettings.hull_density
     """Density of its hull."""
+    perturbations: dict[str, Any] | None = None
+    """What happened to the robot, see ``ncrs_envs.PerturbationSettings``; None for nothing."""
+    recovered: float | None = None
+    """Mean fraction of the lost modules that were back at the end; None if none could be lost."""
 
     def fitness_interval(self) -> tuple[float, float]:
         """Compute the 95 % interval of the mean fitness."""
@@ -95,16 +102,19 @@ class Assessment:
         ]
         if self.crossed is not None:
             lines.append(f"crossed  {self.crossed}")
+        if self.recovered is not None:
+            lines.append(f"regrown  {self.recovered:.1%} of the lost modules")
         return lines
 
 
-def assess(
+def assess(  # noqa: PLR0913 - keywords only
     robot: EvolvedRobot,
     *,
     episodes: int = EPISODES,
     seed: int = 0,
     engine: str = REFERENCE_ENGINE,
     workers: int | None = 1,
+    perturbations: PerturbationSettings = NO_PERTURBATIONS,
 ) -> Assessment:
     """Test a robot on fresh episodes, in scenarios that no training run has seen.
 
@@ -114,6 +124,7 @@ def assess(
         seed: Seed for sampling the scenarios.
         engine: Name of an engine, as for ``evaluate``.
         workers: Number of processes or threads; one genome keeps one busy.
+        perturbations: What happens to the robot; the placements do not depend on it.
 
     Raises:
         ScenarioError: If ``episodes`` is not a positive integer.
@@ -122,7 +133,8 @@ def assess(
     """
     settings = robot.task
     sequence = seed_sequence(seed, Stream.ASSESSMENT)
-    scenarios = sample_scenarios(settings.task, sequence, episodes, settings.grid_size)
+    sampling = ScenarioSampling(perturbations=perturbations)
+    scenarios = sampling.draw(settings.task, sequence, episodes, settings.grid_size)
     with make_engine(engine, settings, workers) as running:
         result = running.evaluate(robot.genome, scenarios)
     episode_fitness = result.episode_fitness[0]
@@ -140,6 +152,8 @@ def assess(
         genome=genome_digest(robot),
         construction=settings.construction,
         hull_density=settings.hull_density,
+        perturbations=asdict(perturbations) if perturbations.is_any else None,
+        recovered=float(result.recovered[0].mean()) if perturbations.damage_fraction else None,
     )
 
 
