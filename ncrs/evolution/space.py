@@ -19,6 +19,9 @@ WEIGHTS = "weights"
 """Name of the space of all weights."""
 CARRIER = "carrier"
 """Name of the space of the gains of a robot by hand, see ``ncrs.automaton.carrier``."""
+SPARE, REPAIRING = "spare_parts", "repairing"
+"""Names of the spaces of the gains of robots that go on after damage, see
+``ncrs.automaton.survivor``: one with spare parts, and one that grows back."""
 
 
 class SpaceError(NCRSError, ValueError):
@@ -173,8 +176,29 @@ def _carrier_gains(layout: NCALayout, start: Values | None) -> SearchSpace:
     return GainSpace(layout, GAINS, Carrier())
 
 
+def _survivor_gains(name: str) -> SpaceFactory:
+    def make(layout: NCALayout, start: Values | None) -> SearchSpace:
+        from ncrs.automaton import chaser, survivor
+
+        if start is not None or layout.task.name != chaser.TASK:
+            raise SpaceError(f"The space {name} is for {chaser.TASK}, and has its own start.")
+        if name == SPARE:
+            genome = survivor.Survivor(survivor.SPARE_BODY)
+        else:
+            genome = survivor.Survivor(survivor.REPAIR_BODY, survivor.REPAIR_STEPS)
+        return GainSpace(layout, survivor.GAINS, genome)
+
+    return make
+
+
 SPACES: Registry[SpaceFactory] = Registry(
-    "search space", {WEIGHTS: _all_weights, CARRIER: _carrier_gains}
+    "search space",
+    {
+        WEIGHTS: _all_weights,
+        CARRIER: _carrier_gains,
+        SPARE: _survivor_gains(SPARE),
+        REPAIRING: _survivor_gains(REPAIRING),
+    },
 )
 
 

@@ -85,8 +85,8 @@ class TrainConfig:
     recovery_bonus: float = 0.0
     """Bonus on that fitness, times the fraction of the lost modules that are back in the end."""
     space: str = WEIGHTS
-    """Search space: weights, all of them; carrier, the gains of a robot by hand that carries the
-    ball; or the name of a registered one."""
+    """Search space: weights, all of them; the gains of a robot by hand: carrier, which carries the
+    ball, spare_parts or repairing, which go on after damage; or the name of a registered one."""
     start_from: str | None = None
     """Genome at which the search starts, instead of zero: a run's folder, a champion's file, or the
     name of a champion that comes with the package, of any task; or a genome's .npy."""
