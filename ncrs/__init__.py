@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ncrs.automaton.keras_order import convert_to_keras as convert_to_keras
     from ncrs.automaton.nca import NCA as NCA
     from ncrs.automaton.nca import NCAPopulation as NCAPopulation
+    from ncrs.automaton.regrow_to import regrow_to as regrow_to
     from ncrs.engines.base import Evaluation as Evaluation
     from ncrs.engines.base import register_engine as register_engine
     from ncrs.engines.evaluate import evaluate as evaluate
@@ -45,6 +46,7 @@ _HOMES = {
     "evaluate": "ncrs.engines.evaluate",
     "grow": "ncrs.automaton.growth",
     "grow_to": "ncrs.automaton.grow_to",
+    "regrow_to": "ncrs.automaton.regrow_to",
     "load_archive": "ncrs.runs.elites",
     "load_champion": "ncrs.runs.published",
     "load_elite": "ncrs.runs.elites",

@@ -159,9 +159,11 @@ NO_PERTURBATIONS = PerturbationSettings()
 """Settings with which nothing happens."""
 
 
-def are_perturbed(rows: Iterable[Iterable[Scenario]]) -> bool:
-    """Return True if anything happens to a robot in any of the rows' scenarios."""
-    return any(scenario.is_perturbed for row in rows for scenario in row)
+def are_perturbed(rows: Iterable[Scenario | Iterable[Scenario]]) -> bool:
+    """Return True if anything happens to a robot in any scenario, of one row or of several."""
+    return any(
+        row.is_perturbed if isinstance(row, Scenario) else are_perturbed(row) for row in rows
+    )
 
 
 def _step(first: int, last: int | None, drawn: float) -> int:

@@ -7,8 +7,10 @@ import argparse
 from ncrs.commands import (
     ROBOTS_FOLDER,
     add_output_argument,
+    add_perturbation_arguments,
     add_robot_arguments,
     add_seed_argument,
+    given_perturbations,
     given_robot,
     output_folder,
     print_saved,
@@ -45,13 +47,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=_DEFAULTS.height,
         help="height in pixels; default: %(default)s",
     )
+    add_perturbation_arguments(parser)
     parser.set_defaults(action=_run)
 
 
 def _run(options: argparse.Namespace) -> None:
     from ncrs.viz.films import save_film
 
-    film = FilmOptions(options.episodes, options.seed, options.speed, options.height)
+    film = FilmOptions(
+        options.episodes,
+        options.seed,
+        options.speed,
+        options.height,
+        given_perturbations(options),
+    )
     robot = given_robot(options)
     folder = output_folder(options, options.robot)
     paths = [folder / f"{options.name}.{kind}" for kind in dict.fromkeys(options.format)]

@@ -14,7 +14,9 @@ from ncrs.engines.base import (
     resolve_engine,
 )
 from ncrs_envs.body import DEFAULT_GRID_SIZE, HULL_DENSITY
-from ncrs_envs.scenario import Scenario, sample_scenarios
+from ncrs_envs.mirroring import ScenarioSampling
+from ncrs_envs.perturbing import NO_PERTURBATIONS, PerturbationSettings, are_perturbed
+from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import RIGID, Task, TaskSettings, get_task
 
 EPISODES = 12
@@ -38,6 +40,7 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
     construction: str = RIGID,
     hull_density: float = HULL_DENSITY,
     bodies: Any = None,
+    perturbations: PerturbationSettings = NO_PERTURBATIONS,
 ) -> Evaluation:
     """Grow each genome's robot and drive it through a set of scenarios.
 
@@ -59,6 +62,8 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
         hull_density: Density of all cells but the wheels; on Box2D alone if it is not 1.
         bodies: Bodies to drive instead of grown ones: a body for all genomes, or one for each, in
             any form that ``parse_body`` reads.
+        perturbations: What happens to the robots in the scenarios that are sampled: damage, failing
+            wheels, noise, and time to regrow; ``scenarios`` have their own.
 
     Returns:
         Arrays over genomes and episodes, see ``Evaluation``. Invalid bodies are not simulated and
@@ -76,8 +81,9 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
     )
     checked = nca_layout(settings.task).check_genomes(genomes)
     if scenarios is None:
-        scenarios = sample_scenarios(settings.task, seed, episodes, settings.grid_size)
-    engine = resolve_engine(engine, settings)
+        sampling = ScenarioSampling(perturbations=perturbations)
+        scenarios = sampling.draw(settings.task, seed, episodes, settings.grid_size)
+    engine = resolve_engine(engine, settings, are_perturbed(scenarios))
     if workers is None and len(checked) < _WORTH_WORKERS and engine == "box2d":
         workers = 1
     with make_engine(engine, settings, workers) as running:

@@ -185,7 +185,7 @@ def _survivor_gains(name: str) -> SpaceFactory:
         if name == SPARE:
             genome = survivor.Survivor(survivor.SPARE_BODY)
         else:
-            genome = survivor.Survivor(survivor.REPAIR_BODY, survivor.REPAIR_STEPS)
+            genome = survivor.Survivor(survivor.REPAIR_BODY, regrows=True)
         return GainSpace(layout, survivor.GAINS, genome)
 
     return make

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from importlib.resources import files
 
-from ncrs.engines.brain_kernels import inherit_states, make_brain
+from ncrs.engines.brain_kernels import inherit_states, make_brain, regrow
 from ncrs.engines.nca_kernels import growth_step, read_grown, seed_lanes
 from ncrs.live.kernels import (
     link_grid,
@@ -21,7 +21,7 @@ from ncrs_envs.batched.perturbations import exchange_robot
 from ncrs_envs.batched.records import prepare_walls
 from ncrs_envs.batched.robot import prepare_robot
 from ncrs_envs.batched.sensing import distances, sense
-from ncrs_envs.batched.simulate import reset_episode
+from ncrs_envs.batched.simulate import reset_episode, step_episode
 
 NAME = "NCRSEngine"
 """Name of the object that holds the translated functions."""
@@ -40,10 +40,12 @@ ENTRIES = (
     Entry(set_growing_cell, _GROWN),
     Entry(make_brain, {"body": 2}),
     Entry(inherit_states, _BRAINS),
+    Entry(regrow, {"body": 2, "grown": 2}),
     Entry(prepare_robot, {"body": 2}),
     Entry(prepare_walls, {"walls": 3}),
     Entry(reset_episode),
     Entry(live_step, {**_BRAINS, "observations": 2}),
+    Entry(step_episode),
     Entry(exchange_robot),
     Entry(sense),
     Entry(distances),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ncrs.automaton.channels import growth_steps, nca_layout
+from ncrs.automaton.regrow_to import REPAIR_STEPS
 from ncrs.engines.nca_kernels import CHANGING_CHANNELS
 from ncrs_envs import canvas
 from ncrs_envs.batched.layout import make_scratch
@@ -77,6 +78,7 @@ def live_world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[st
     return {
         **world(settings, scenarios),
         "growthSteps": growth_steps(settings.grid_size),
+        "repairSteps": REPAIR_STEPS,
         "partCodes": list(nca_layout(settings.task).part_codes),
         "changingChannels": CHANGING_CHANNELS,
         "contactCapacity": len(make_scratch(settings.grid_size).contacts),

@@ -146,7 +146,7 @@ def timed_frames(robot: EvolvedRobot, options: FilmOptions) -> Iterator[tuple[Pi
         yield frame, _GROWTH_SECONDS
     yield frame, _PAUSE_SECONDS
     heading = _heading(robot)
-    recordings = record_episodes(robot, options.episodes, options.seed)
+    recordings = record_episodes(robot, options.episodes, options.seed, options.perturbations)
     for number, recording in enumerate(recordings, start=1):
         for frame in episode_frames(recording, heading, number, options.episodes, size):
             yield frame, DT / options.speed

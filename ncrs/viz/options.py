@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from ncrs.viz.errors import VizError
+from ncrs_envs.perturbing import NO_PERTURBATIONS, PerturbationSettings
 
 MIN_HEIGHT, MAX_HEIGHT = 240, 1440
 """Limits of a film's height in pixels."""
@@ -33,6 +34,8 @@ class FilmOptions:
     """Speed as a multiple of real time."""
     height: int = 600
     """Height of the picture in pixels, which is half again as wide."""
+    perturbations: PerturbationSettings = NO_PERTURBATIONS
+    """What happens to the robot in its episodes."""
 
     def __post_init__(self) -> None:
         if not MIN_HEIGHT <= self.height <= MAX_HEIGHT:

@@ -13,8 +13,10 @@ from ncrs.automaton.torch_settings import one_torch_thread
 from ncrs.engines.box2d import drive
 from ncrs.runs.robot import EvolvedRobot
 from ncrs_envs.episode import Episode, Robot
+from ncrs_envs.mirroring import ScenarioSampling
+from ncrs_envs.perturbing import NO_PERTURBATIONS, PerturbationSettings
 from ncrs_envs.rendering import Scene
-from ncrs_envs.scenario import Scenario, sample_scenarios
+from ncrs_envs.scenario import Scenario
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,12 @@ def record(robot: EvolvedRobot, scenarios: Sequence[Scenario]) -> list[Recording
     ]
 
 
-def record_episodes(robot: EvolvedRobot, episodes: int, seed: int) -> list[Recording]:
+def record_episodes(
+    robot: EvolvedRobot,
+    episodes: int,
+    seed: int,
+    perturbations: PerturbationSettings = NO_PERTURBATIONS,
+) -> list[Recording]:
     """Drive a robot through ``episodes`` scenarios drawn from ``seed``; the regions take turns.
 
     Raises:
@@ -89,4 +96,5 @@ def record_episodes(robot: EvolvedRobot, episodes: int, seed: int) -> list[Recor
         StateError: If the automaton's state becomes non-finite.
     """
     settings = robot.task
-    return record(robot, sample_scenarios(settings.task, seed, episodes, settings.grid_size))
+    sampling = ScenarioSampling(perturbations=perturbations)
+    return record(robot, sampling.draw(settings.task, seed, episodes, settings.grid_size))

@@ -13,7 +13,7 @@ from ncrs_envs.tasks import TaskSettings
 
 SIGMAS = (0.05, 0.1, 0.2, 0.3)
 CHANGE = 0.02
-_REPLAY = """
+REPLAY = """
 const [world, genomes, scenarios] = arguments;
 return genomes.map((text) => {
   const genome = NCRSLive.weights(NCRSLive.bytes(text));
@@ -78,7 +78,7 @@ def compare(page, task, robots, episodes, grid_size=5, seed=3):
     recorded = record_episodes(*robots, scenarios, settings)
     page.driver.set_script_timeout(280)
     replayed = page.js(
-        _REPLAY,
+        REPLAY,
         live_world(settings, []),
         [pack(genome) for genome in robots.genomes],
         [placements(scenario, grid_size, None) for scenario in scenarios],

@@ -10,7 +10,7 @@
 
   const app = {
     content: null, robot: null, session: null, scenarioIndex: 0,
-    isPlaying: true, speed: 1, tool: "lead", isFollowing: false, showsValues: false, isRepeating: true,
+    isPlaying: true, speed: 1, tool: "lead", isFollowing: false, showsValues: false, isRepeating: true, isRepairing: false,
     isTouched: false, // true once hands have changed the course
     episodes: 0, successes: 0, arrows: "light",
     isCalm: matchMedia("(prefers-reduced-motion: reduce)").matches,

@@ -43,7 +43,7 @@ NCRSLive.addControls = (app) => {
   const KEYS = {
     " ": () => app.play(!app.isPlaying), ".": app.step, r: app.reset, n: app.nextCourse, g: () => app.growAgain(true), h: () => app.growAgain(false),
     "+": () => app.setSpeed(Math.min(Math.log2(app.speed) + 1, 2)), "-": () => app.setSpeed(Math.max(Math.log2(app.speed) - 1, -3)),
-    f: () => toggle("isFollowing", "follow"), v: () => toggle("showsValues", "values"), e: () => toggle("isRepeating", "repeat"),
+    f: () => toggle("isFollowing", "follow"), v: () => toggle("showsValues", "values"), e: () => toggle("isRepeating", "repeat"), a: () => toggle("isRepairing", "repair"),
   };
   function onKey(event) {
     const isTyping = event.target.closest("input, select, textarea"), isPressing = event.target.closest("button, summary, a");
@@ -77,6 +77,7 @@ NCRSLive.addControls = (app) => {
   $("clear-walls").onclick = () => app.setWalls([]);
   $("follow").onclick = () => toggle("isFollowing", "follow");
   $("values").onclick = () => toggle("showsValues", "values");
+  $("repair").onclick = () => toggle("isRepairing", "repair");
   $("repeat").onclick = () => toggle("isRepeating", "repeat");
   $("speed").oninput = () => app.setSpeed(Number($("speed").value));
   addEventListener("keydown", onKey);

@@ -46,6 +46,7 @@
     function put(index, part = code) {
       const { session } = app;
       if (session.body.data[index] === part) return;
+      session.repairSteps = app.isRepairing ? world().repairSteps : 0;
       if (!session.setCell(index, part)) {
         app.say("The last cell stays: without it there is nothing to drive.");
         return;

@@ -3,7 +3,7 @@
 
 (() => {
   const VERSION = 1;
-  const COUNTERS = ["step", "reward", "total", "fitness", "successStep", "growthStep", "phase"];
+  const COUNTERS = ["step", "reward", "total", "fitness", "successStep", "growthStep", "repairSteps", "resting", "phase"];
   const PHASES = ["growing", "driving"];
   const ODD = { NaN, Infinity, "-Infinity": -Infinity };
   const MAX_WALLS = 200;

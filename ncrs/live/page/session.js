@@ -25,6 +25,7 @@ const NCRSSession = (() => {
       sensed: E.newGrid(Float32Array, [1, places]),
       gas: new Float32Array(places),
       step: 0, reward: 0, total: 0, fitness: null, successStep: -1,
+      repairSteps: 0, resting: 0, // steps of growth after a cut, none for 0; physics steps until they are done
       scenario: null, // start, light or ball, target, walls: quads of corners
     };
     let spare = E.seed_lanes(n);
@@ -76,7 +77,7 @@ const NCRSSession = (() => {
       place(session.scenario);
       E.reset_episode(physics, session.state, session.sensed.data);
       session.gas.fill(0);
-      Object.assign(session, { step: 0, reward: 0, total: 0, fitness: null, successStep: -1 });
+      Object.assign(session, { step: 0, reward: 0, total: 0, fitness: null, successStep: -1, resting: 0 });
     }
     // Use a scenario from now on; the robot stays where it is.
     function place(scenario) {
@@ -100,7 +101,8 @@ const NCRSSession = (() => {
     }
     // One control step; false once the automaton's states are no longer finite.
     function step() {
-      const reward = E.live_step(physics, session.state, session.brain, session.sensed, session.gas);
+      const reward = session.resting > 0 ? roll()
+        : E.live_step(physics, session.state, session.brain, session.sensed, session.gas);
       if (!Number.isFinite(reward)) {
         session.phase = "lost";
         return false;
@@ -114,20 +116,43 @@ const NCRSSession = (() => {
     }
     // Make a cell empty or another part, in the growing body or in the driving one.
     function setCell(index, code) {
-      E.set_growing_cell(session.grown, index, code === EMPTY ? -1 : codes.indexOf(code));
+      return setCells([index], code);
+    }
+    // The same for several cells at once; cutting some off is the damage of training. A robot that
+    // repairs itself rolls on without thrust, then goes on with what has grown back.
+    function setCells(indices, code) {
+      for (const index of indices) E.set_growing_cell(session.grown, index, code === EMPTY ? -1 : codes.indexOf(code));
+      const cells = session.body.data.slice();
+      for (const index of indices) cells[index] = code;
       if (session.phase === "growing") {
-        session.body.data[index] = code;
+        session.body.data.set(cells);
         return true;
       }
-      const cells = session.body.data.slice();
-      cells[index] = code;
+      if (!exchange(cells)) return false;
+      if (code === EMPTY) session.resting = Math.ceil(session.repairSteps / 2);
+      return true;
+    }
+    // Go on in another body, in which cells that both have keep their states.
+    function exchange(cells) {
       const { brain } = session, before = Object.assign(E.makeRobot(), physics.robot);
+      const changed = cells.map((code, i) => code !== session.body.data[i]);
       if (!setBody(cells)) return false;
       E.inherit_states(brain, session.brain);
       E.exchange_robot(before, physics.robot, session.state);
-      session.gas[index] = 0;
+      changed.forEach((isChanged, i) => { if (isChanged) session.gas[i] = 0; });
       sense();
       return true;
+    }
+    // One physics step of a robot that repairs itself, and its new body at the end.
+    function roll() {
+      session.gas.fill(0);
+      const reward = E.step_episode(physics, session.state, session.gas, session.sensed.data.subarray(0, places));
+      session.resting -= 1;
+      if (session.resting > 0) return reward;
+      const grown = E.newGrid(Int8Array, [n, n]);
+      E.regrow(networks.growth, codes, session.repairSteps, session.body, grown);
+      if (grown.data.some((code, i) => code !== session.body.data[i])) exchange(grown.data);
+      return reward;
     }
     function center() {
       return E.grid_center(physics.robot, session.state);
@@ -161,7 +186,7 @@ const NCRSSession = (() => {
     }
 
     return Object.assign(session, {
-      seed, startGrowing, grow, drive, setBody, restart, place, sense, setCell, center, moveBall,
+      seed, startGrowing, grow, drive, setBody, restart, place, sense, setCell, setCells, center, moveBall,
       channelMaps, advance: step, distances: () => E.distances(physics, session.state),
     });
   }
@@ -180,7 +205,15 @@ const NCRSSession = (() => {
     };
     if (session.phase === "growing" && session.drive()) {
       note();
-      while (session.step < world.steps && session.advance()) note();
+      session.repairSteps = scenario.repairSteps ?? 0;
+      const loseIfDue = () => {
+        if (session.step === scenario.damage?.step) session.setCells(scenario.damage.cells, EMPTY);
+      };
+      loseIfDue();
+      while (session.step < world.steps && session.advance()) {
+        note();
+        loseIfDue();
+      }
     }
     return {
       body: Array.from(session.body.data), poses, balls, firstTouch,
