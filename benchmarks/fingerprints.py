@@ -166,7 +166,8 @@ def text_digest(lines: Iterable[str]) -> str:
 
 
 def evaluation_digest(evaluation: ncrs.Evaluation) -> str:
-    """Hash all arrays of an evaluation."""
+    """Hash all arrays of an evaluation; modules that came back count where any were lost."""
+    lost = [evaluation.recovered] if (evaluation.recovered != 1.0).any() else []
     return digest(
         evaluation.fitness,
         evaluation.episode_fitness,
@@ -176,6 +177,7 @@ def evaluation_digest(evaluation: ncrs.Evaluation) -> str:
         evaluation.bodies,
         evaluation.valid,
         evaluation.measures,
+        *lost,
     )
 
 

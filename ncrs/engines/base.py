@@ -18,22 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.channels import NCALayout
-from ncrs_envs.bodies import check_bodies
+from ncrs.engines.arguments import (
+    GivenBodies,
+    ScenarioRows,
+    check_given_bodies,
+    check_scenario_rows,
+)
 from ncrs_envs.body import body_measures
 from ncrs_envs.cores import available_cores
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.notices import notice
 from ncrs_envs.registry import Registry
-from ncrs_envs.scenario import Scenario, ScenarioError
+from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
-ScenarioRows = Sequence[Sequence[Scenario]]
-"""One row of E scenarios for all genomes, or one row per genome."""
-
 StopCheck = Callable[[], bool]
-
-GivenBodies = NDArray[np.int8] | None
-"""A body for each genome, ``(P, n, n)``, instead of the one it grows; None to grow them."""
 
 INVALID_MEASURES = -1
 """Value of all measures of a body that is not valid."""
@@ -155,8 +154,8 @@ class Engine(ABC):
     ) -> RolloutResult:
         """Return what ``evaluate`` makes its results from; arguments and errors are the same."""
         checked = self.layout.check_genomes(genomes)
-        rows = self._check_scenarios(scenarios, len(checked))
-        given = self._check_bodies(bodies, len(checked))
+        rows = check_scenario_rows(scenarios, self.settings, len(checked))
+        given = check_given_bodies(bodies, self.settings, len(checked))
         return self._rollout(checked, rows, should_stop or (lambda: False), given)
 
     def metrics(self) -> dict[str, float]:
@@ -206,36 +205,6 @@ class Engine(ABC):
             recovered=np.where(valid[:, None], back, np.ones(result.success.shape)),
         )
 
-    def _check_scenarios(
-        self, scenarios: Sequence[Scenario] | ScenarioRows, population: int
-    ) -> ScenarioRows:
-        rows: list[Any] = [scenarios] if _is_row(scenarios) else list(scenarios)
-        if not rows or not all(_is_row(row) for row in rows):
-            raise ScenarioError(
-                "scenarios must be a sequence of ncrs_envs.Scenario, or one such sequence per "
-                "genome."
-            )
-        checked: list[Sequence[Scenario]] = rows
-        if len(checked) not in (1, population):
-            raise ScenarioError(
-                f"Give scenarios for all genomes, or one row for each of the {population}; "
-                f"got {len(checked)} rows."
-            )
-        lengths = sorted({len(row) for row in checked})
-        if len(lengths) > 1:
-            raise ScenarioError(f"Every genome needs equally many scenarios, got {lengths}.")
-        for row in checked:
-            for scenario in row:
-                scenario.check(self.settings.task, self.settings.grid_size)
-        return checked
-
-    def _check_bodies(self, bodies: Any, population: int) -> GivenBodies:
-        if bodies is None:
-            return None
-        task, n = self.settings.task, self.settings.grid_size
-        checked = check_bodies(bodies, task, n, np.ones(population, dtype=np.bool_), "genome")
-        return np.array(np.broadcast_to(checked, (population, n, n)))
-
     def close(self) -> None:  # noqa: B027 - most engines hold nothing
         """Release workers; a further evaluation starts new ones."""
 
@@ -249,14 +218,6 @@ class Engine(ABC):
         traceback: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def _is_row(value: Any) -> bool:
-    return (
-        isinstance(value, Sequence)
-        and len(value) > 0
-        and all(isinstance(item, Scenario) for item in value)
-    )
 
 
 def check_workers(workers: Any) -> int:

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.channels import growth_steps
+from ncrs.engines.arguments import GivenBodies, ScenarioRows
 from ncrs.engines.base import (
     Engine,
     EngineSettingError,
     EvaluationInterrupted,
-    GivenBodies,
     RolloutResult,
-    ScenarioRows,
     StopCheck,
 )
 from ncrs.engines.nca_kernels import IntArray, Network, pack_genomes

@@ -12,14 +12,8 @@ from ncrs.automaton.control import Controller, StateError
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCA, nca_of
 from ncrs.automaton.torch_settings import one_torch_thread
-from ncrs.engines.base import (
-    Engine,
-    EvaluationInterrupted,
-    GivenBodies,
-    RolloutResult,
-    ScenarioRows,
-    StopCheck,
-)
+from ncrs.engines.arguments import GivenBodies, ScenarioRows
+from ncrs.engines.base import Engine, EvaluationInterrupted, RolloutResult, StopCheck
 from ncrs.engines.perturbed_drive import Perturber, recovered
 from ncrs.engines.pool import WorkerPool
 from ncrs_envs.body import BodyGrid

@@ -6,13 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from ncrs.automaton.channels import nca_layout
-from ncrs.engines.base import (
-    AUTO_ENGINE,
-    Evaluation,
-    ScenarioRows,
-    make_engine,
-    resolve_engine,
-)
+from ncrs.engines.arguments import ScenarioRows
+from ncrs.engines.base import AUTO_ENGINE, Evaluation, make_engine, resolve_engine
 from ncrs_envs.body import DEFAULT_GRID_SIZE, HULL_DENSITY
 from ncrs_envs.mirroring import ScenarioSampling
 from ncrs_envs.perturbing import NO_PERTURBATIONS, PerturbationSettings, are_perturbed

@@ -100,5 +100,6 @@ class Objective:
         extent = playfield(self.settings.grid_size)
         approach = np.exp(-evaluation.closest / extent).mean(axis=-1)
         bonus = self.success_bonus * evaluation.success + self.approach_bonus * approach
-        bonus = bonus + self.recovery_bonus * evaluation.recovered
+        back = np.where(evaluation.valid[:, None], evaluation.recovered, 0.0)
+        bonus = bonus + self.recovery_bonus * back
         return np.asarray(values + bonus.mean(axis=1))

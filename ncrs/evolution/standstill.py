@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.engines.base import ScenarioRows
+from ncrs.engines.arguments import ScenarioRows
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import TaskSettings, distance_score, playfield
 

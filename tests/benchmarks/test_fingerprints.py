@@ -53,12 +53,13 @@ def test_every_array_of_an_evaluation_counts():
         bodies=bodies,
         valid=np.zeros(1, dtype=bool),
         measures=body_measures(bodies),
+        recovered=np.ones((1, 2)),
     )
     digests = {evaluation_digest(evaluation)}
     for item in dataclasses.fields(evaluation):
         changed = getattr(evaluation, item.name) + np.int8(1)
         digests.add(evaluation_digest(dataclasses.replace(evaluation, **{item.name: changed})))
-    assert len(digests) == 9
+    assert len(digests) == 10
 
 
 def test_the_runs_cover_every_optimizer_task_and_engine():

@@ -92,7 +92,7 @@ def test_engines_that_cannot_simulate_it_refuse():
     engine.settings = TaskSettings()
     rows = [_scenarios("light_chase", "damage")]
     with pytest.raises(EngineSettingError, match=r"engine=cuda simulates no damage.*batched"):
-        engine._rollout(np.zeros((1, 4572), dtype=np.float32), rows, lambda: False)
+        engine._rollout(np.zeros((1, 4572), dtype=np.float32), rows, lambda: False, None)
 
 
 def test_kernels_choose_the_cells_that_the_records_choose():

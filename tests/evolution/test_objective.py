@@ -31,6 +31,15 @@ def test_bonuses_for_success_and_for_coming_near(full_genome, genomes):
     )
 
 
+def test_a_bonus_for_what_grew_back(full_genome, genomes):
+    weights = np.concatenate([full_genome[None], genomes(1, 4572, sigma=1e-6)])
+    result = dataclasses.replace(
+        evaluate(weights, "light_chase", episodes=2), recovered=np.array([[1.0, 0.5], [1.0, 1.0]])
+    )
+    objective = Objective(TaskSettings("light_chase"), recovery_bonus=2.0)
+    np.testing.assert_allclose(objective(result) - result.fitness, [1.5, 0.0])
+
+
 def test_coming_near_counts_for_ball_and_target_alike():
     settings = TaskSettings("carry_ball")
     result = dataclasses.replace(

@@ -29,6 +29,7 @@ def test_round_trip_through_the_run_folder(tmp_path):
             "task": {"name": "carry_ball", "distance_score": "inverse_square"},
             "optimizer": {"name": "cma_me", "sigma": 0.02, "emitters": 3},
             "engine": {"workers": 3},
+            "perturbations": {"damage_fraction": 0.3, "damage_until": 50},
             "seed": 7,
         }
     )
@@ -55,6 +56,9 @@ def test_without_a_name_the_optimizer_is_the_default():
     [
         ({"task": {"name": "chess"}}, "light_chase"),
         ({"task": {"grid_size": 2}}, "at least 3"),
+        ({"perturbations": {"share": 1.5}}, "share must lie in 0 to 1"),
+        ({"perturbations": {"damage": 0.3}}, "perturbations.damage_fraction"),
+        ({"recovery_bonus": -1.0}, "recovery_bonus must be at least 0"),
         ({"task": {"distance_score": "linear"}}, "inverse_square"),
         ({"task": {"success_radius": -1.0}}, "success_radius"),
         ({"optimizer": {"name": "adam"}}, "sep_cma_es"),

@@ -1,6 +1,7 @@
 """Recordings on Box2D show what the engine evaluates."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import ncrs
 from ncrs.automaton.control import StateError
 from ncrs.viz.recording import record, record_episodes
+from ncrs_envs import PerturbationSettings
 from ncrs_envs.scenario import ScenarioError, sample_scenarios
 from ncrs_envs.tasks import TASKS
 
@@ -53,3 +55,17 @@ def test_a_state_that_overflows_is_an_error():
     genome = np.random.default_rng(0).choice([-1e38, 1e38], robot.genome.size).astype(np.float32)
     with pytest.raises(StateError, match="no longer finite"):
         record_episodes(dataclasses.replace(robot, genome=genome), 1, seed=0)
+
+
+def test_damage_and_repair_are_recorded():
+    settings = PerturbationSettings(damage_fraction=0.3, damage_step=3, repair_steps=4)
+    robot = ncrs.load_champion("light_chase/best")
+    (recording,) = record_episodes(robot, 1, seed=2, perturbations=settings)
+    cells = [int((scene.body != 0).sum()) for scene in recording.scenes]
+    whole = cells[0]
+    assert cells[:3] == [whole] * 3
+    assert set(cells[3:5]) == {whole - math.ceil(0.3 * whole)}
+    result = ncrs.evaluate(
+        robot.genome, robot.task.name, engine="box2d", scenarios=[recording.scenario]
+    )
+    assert recording.fitness == result.fitness[0]

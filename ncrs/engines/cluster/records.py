@@ -9,7 +9,8 @@ import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.engines.base import EngineSettingError, GivenBodies, RolloutResult, ScenarioRows
+from ncrs.engines.arguments import GivenBodies, ScenarioRows
+from ncrs.engines.base import EngineSettingError, RolloutResult
 from ncrs_envs.drawing import ScenarioRecipe, SeededScenarios
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import BUILT_IN, Task, TaskSettings

@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.engines.arguments import GivenBodies, ScenarioRows
 from ncrs.engines.base import (
     AUDIT_SHARE,
     AUTO_ENGINE,
@@ -16,9 +17,7 @@ from ncrs.engines.base import (
     REFUSE,
     Engine,
     EngineSettingError,
-    GivenBodies,
     RolloutResult,
-    ScenarioRows,
     StopCheck,
     resolve_engine,
 )

@@ -14,13 +14,12 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.engines.arguments import GivenBodies, ScenarioRows
 from ncrs.engines.base import (
     Engine,
     EngineSettingError,
     EvaluationInterrupted,
-    GivenBodies,
     RolloutResult,
-    ScenarioRows,
     StopCheck,
 )
 from ncrs.engines.batched import check_compiled_rules, scenario_table

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.channels import NCALayout, growth_steps
-from ncrs.engines.base import GivenBodies
+from ncrs.engines.arguments import GivenBodies
 from ncrs.engines.cuda.gpu import (
     WARP,
     Launcher,
