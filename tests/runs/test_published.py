@@ -11,6 +11,7 @@ from PIL import Image
 
 import ncrs
 import ncrs.runs.published
+from ncrs.automaton.regrow_to import REPAIR_STEPS
 from ncrs.cli import main
 from ncrs.runs.assessment import assess
 from ncrs.runs.checkpoint import CheckpointError
@@ -18,6 +19,7 @@ from ncrs.runs.published import ChampionError, champions_folder, file_stem
 from ncrs.runs.settings import config_from_dict
 from ncrs.runs.sources import SourceError, load_robot
 from ncrs.training.hydra import register, train_config
+from ncrs_envs import PerturbationSettings
 from ncrs_envs.tasks import PAPER_TASKS
 
 ROOT = Path(__file__).parents[2]
@@ -26,8 +28,15 @@ CURRICULUM = "light_chase/curriculum"
 """Champion from which the best search in CarryBall started."""
 COMPILED = "carry_ball/compiled"
 """Robot by hand whose gains were searched."""
+SURVIVORS = ("light_chase/robust", "light_chase/repair")
+"""Robots by hand that go on after damage."""
 NAMES = sorted(
-    [*(f"{task.name}/{recipe}" for task in PAPER_TASKS for recipe in RECIPES), CURRICULUM, COMPILED]
+    [
+        *(f"{task.name}/{recipe}" for task in PAPER_TASKS for recipe in RECIPES),
+        CURRICULUM,
+        COMPILED,
+        *SURVIVORS,
+    ]
 )
 
 
@@ -66,6 +75,18 @@ def test_the_best_light_chaser_beats_the_papers():
     published = ncrs.load_champion("light_chase/best").card["tests"]["box2d"]
     assert published["fitness"] > 0.615
     assert published["success"]["fraction"] >= 0.95
+
+
+@pytest.mark.parametrize(
+    ("name", "success", "recovered", "repair_steps"),
+    [("light_chase/robust", 0.6, 0.0, 0), ("light_chase/repair", 0.85, 0.9, REPAIR_STEPS)],
+)
+def test_survivors_reach_the_light_after_damage(name, success, recovered, repair_steps):
+    """With 30 % of the modules lost at a random step of the first half."""
+    settings = PerturbationSettings(damage_fraction=0.3, damage_until=50, repair_steps=repair_steps)
+    result = assess(ncrs.load_champion(name), episodes=100, seed=2, perturbations=settings)
+    assert result.success.fraction >= success
+    assert result.recovered >= recovered
 
 
 def test_an_unknown_name_is_answered_with_those_known():
