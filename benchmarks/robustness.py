@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from ncrs.automaton.regrow_to import REPAIR_STEPS
 from ncrs.runs.assessment import assess
 from ncrs.runs.checkpoint import write_json
-from ncrs.runs.published import champions, load_champion
+from ncrs.runs.published import load_champion
 from ncrs.runs.statistics import wilson_interval
 from ncrs.viz.style import COLORS, LINES, WIDTH, style
 from ncrs_envs.perturbing import PerturbationSettings
@@ -51,18 +51,17 @@ def perturbations_of(robot: str, axis: str, value: float) -> PerturbationSetting
     return replace(settings, repair_steps=REPAIR_STEPS) if robot == REPAIRER else settings
 
 
-def points() -> Iterator[tuple[str, str, float]]:
-    """List robot, axis and value of all points."""
-    for axis, (_, values) in AXES.items():
+def points(axes: Sequence[str]) -> Iterator[tuple[str, str, float]]:
+    """List robot, axis and value of all points of some axes."""
+    for axis in axes:
         for robot in ROBOTS:
-            if robot in champions():
-                yield from ((robot, axis, value) for value in values)
+            yield from ((robot, axis, value) for value in AXES[axis][1])
 
 
-def measure(file: Path, episodes: int, seeds: Sequence[int], engine: str) -> None:
-    """Measure what is missing in a file."""
+def measure(file: Path, axes: Sequence[str], episodes: int, seeds: Sequence[int]) -> None:
+    """Measure what is missing in a file, with the batched engine."""
     found: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
-    for robot, axis, value in points():
+    for robot, axis, value in points(axes):
         name = f"{robot} {axis} {value:g}"
         if name in found:
             continue
@@ -71,7 +70,7 @@ def measure(file: Path, episodes: int, seeds: Sequence[int], engine: str) -> Non
                 load_champion(robot),
                 episodes=episodes,
                 seed=seed,
-                engine=engine,
+                engine="batched",
                 perturbations=perturbations_of(robot, axis, value),
             )
             for seed in seeds
@@ -141,10 +140,10 @@ def main() -> None:
     parser.add_argument("picture", type=Path, nargs="?")
     parser.add_argument("--episodes", type=int, default=400)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
-    parser.add_argument("--engine", default="batched")
+    parser.add_argument("--axes", choices=tuple(AXES), nargs="+", default=list(AXES))
     options = parser.parse_args()
     if options.action == "measure":
-        measure(options.file, options.episodes, options.seeds, options.engine)
+        measure(options.file, options.axes, options.episodes, options.seeds)
     elif options.action == "table":
         table(options.file)
     elif options.picture is None:

@@ -93,6 +93,25 @@ def test_reset_forgets(full_genome):
     np.testing.assert_array_equal(controller.act(observation), first[0])
 
 
+def test_another_body_keeps_the_states_of_the_cells_that_both_have(full_genome):
+    body = np.array([[2, 0, 4], [1, 1, 1], [4, 0, 4]], dtype=np.int8)
+    other = np.array([[2, 1, 4], [0, 1, 1], [4, 0, 1]], dtype=np.int8)
+    controller = Controller(NCA().set_genome(full_genome), np.stack([body, body]))
+    controller.act(np.full((2, 3, 3), 0.5) * sensor_mask(body))
+    before = controller.states
+    controller.exchange(np.stack([other, body]))
+    after = controller.states
+    np.testing.assert_array_equal(after[1], before[1])
+    kept = (body != 0) & (other != 0)
+    np.testing.assert_array_equal(after[0][kept][:, 5:], before[0][kept][:, 5:])
+    np.testing.assert_array_equal(after[0][~kept][:, 5:], 0.0)
+    np.testing.assert_array_equal(after[0][..., 0], other != 0)
+    action = controller.act(np.zeros((2, 3, 3)), rests=np.array([True, False]))
+    np.testing.assert_array_equal(controller.states[0], after[0])
+    assert not action[0].any()
+    assert np.count_nonzero(action[1])
+
+
 def test_actions_are_zero_but_in_wheels(full_genome):
     nca = NCA().set_genome(full_genome)
     body = grow(nca)

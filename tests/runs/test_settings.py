@@ -57,7 +57,7 @@ def test_without_a_name_the_optimizer_is_the_default():
         ({"task": {"name": "chess"}}, "light_chase"),
         ({"task": {"grid_size": 2}}, "at least 3"),
         ({"perturbations": {"share": 1.5}}, "share must lie in 0 to 1"),
-        ({"perturbations": {"damage": 0.3}}, "perturbations.damage_fraction"),
+        ({"perturbations": {"damage": 0.3}}, "perturbations.damage_step"),
         ({"recovery_bonus": -1.0}, "recovery_bonus must be at least 0"),
         ({"task": {"distance_score": "linear"}}, "inverse_square"),
         ({"task": {"success_radius": -1.0}}, "success_radius"),

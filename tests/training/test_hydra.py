@@ -110,6 +110,23 @@ def test_the_papers_cma_me(composed, task):
     assert config.task.distance_score == score
 
 
+@pytest.mark.parametrize(
+    ("name", "space", "repair_steps"),
+    [
+        ("light_chase", "spare_parts", 0),
+        ("light_chase_repair", "repairing", 10),
+        ("light_chase_weights", "weights", 0),
+        ("light_chase_from_nothing", "weights", 10),
+    ],
+)
+def test_recipes_under_damage(composed, name, space, repair_steps):
+    config = composed(f"experiment=robust/{name}")
+    assert (config.space, config.perturbations.repair_steps) == (space, repair_steps)
+    assert (config.perturbations.damage_fraction, config.perturbations.damage_until) == (0.3, 50)
+    drawn = config.sampling().draw("light_chase", 0, 40, generation=1000)
+    assert 20 <= sum(scenario.damage is not None for scenario in drawn) <= 40
+
+
 def test_the_command_line_wins_over_an_experiment(composed):
     config = composed("experiment=paper/obstacle_cma_es", "seed=4", "optimizer.parents=14")
     assert config.seed == 4

@@ -1,5 +1,6 @@
 """What travels: plain records and arrays, and the functions of registered tasks."""
 
+import dataclasses
 import pickle
 
 import numpy as np
@@ -17,6 +18,7 @@ from ncrs.engines.cluster.records import (
 )
 from ncrs_envs.drawing import draw_scenarios
 from ncrs_envs.mirroring import ScenarioSampling
+from ncrs_envs.perturbing import PerturbationSettings
 from ncrs_envs.scenario import sample_scenarios
 from ncrs_envs.tasks import LIGHT_CHASE, TASKS, Task, TaskSettings
 
@@ -50,6 +52,21 @@ def test_scenarios_are_the_same_wherever_they_are_drawn(task):
     shard = Shard(np.zeros((2, 1), dtype=np.float32), rows, make_setup(settings, "auto", None))
     assert [list(row) for row in shard.scenario_rows()] == [list(drawn), plain]
     assert list(drawn) == sampling.draw(task, SEED, 6, 7)
+
+
+def test_damage_travels_as_its_recipe():
+    settings = PerturbationSettings(damage_fraction=0.3, damage_until=50, repair_steps=10)
+    sampling = ScenarioSampling("front_back", perturbations=settings)
+    drawn = draw_scenarios(sampling, TaskSettings(), SEED, 6, generation=4)
+    (recipe,) = pickle.loads(pickle.dumps(travelling_rows([drawn])))
+    assert recipe.draw() == list(drawn)
+    assert all(scenario.damage is not None for scenario in drawn)
+
+
+def test_results_with_and_without_recovery_join():
+    damaged = dataclasses.replace(result([1.0]), recovered=np.array([[0.5]]))
+    np.testing.assert_array_equal(joined([result([0.0]), damaged]).recovered, [[1.0], [0.5]])
+    assert rows_of(damaged, slice(1)).recovered == [[0.5]]
 
 
 def test_samplings_of_ones_own_travel_as_placements(monkeypatch):
