@@ -38,6 +38,7 @@ _TEMPLATE = """{summary}
     {start}
     `reset(options={{"region": k}})` sets the region, `reset(options={{"scenario": scenario}})`
     all placements, and `reset(options={{"body": grid}})` sets the body for this and later episodes.
+    `reset(options={{"damage": damage}})` takes cells away at a step of this episode.
 
     ## Episode End
     Termination: never, unless `terminate_on_success` is set; then as soon as {success}.

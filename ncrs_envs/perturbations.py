@@ -23,6 +23,8 @@ Place = tuple[int, int]
 ROUNDING = 1e-9
 """Excess of a product over a whole number that is rounding."""
 MAX_SEED = 2**63 - 1
+GROWTH_PER_STEP = 2
+"""Number of growth steps of a repair that take one physics step."""
 
 
 class PerturbationError(NCRSError, ValueError):
@@ -154,7 +156,7 @@ class Repair:
     @property
     def duration(self) -> int:
         """Number of physics steps that a repair takes."""
-        return -(-self.steps // 2)
+        return -(-self.steps // GROWTH_PER_STEP)
 
 
 def check_whole(value: Any, name: str) -> int:

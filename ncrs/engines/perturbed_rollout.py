@@ -44,6 +44,7 @@ from ncrs_envs.batched.robot import prepare_robot
 from ncrs_envs.batched.sensing import sense
 from ncrs_envs.batched.simulate import reset_episode, step_episode, world_at
 from ncrs_envs.noise import STATE_NOISE
+from ncrs_envs.perturbations import GROWTH_PER_STEP
 
 _LIMIT = np.float32(STATE_LIMIT)
 
@@ -179,7 +180,7 @@ def _drive(
     resting = 0
     acted = 0
     is_repaired = False
-    duration = (perturbation.repair_steps + 1) // 2
+    duration = -(-perturbation.repair_steps // GROWTH_PER_STEP)
     for step in range(trial.steps + 1):
         for is_damage in (True, False):
             if is_damage:

@@ -13,6 +13,7 @@ from ncrs.engines.nca_kernels import CHANGING_CHANNELS
 from ncrs_envs import canvas
 from ncrs_envs.batched.layout import make_scratch
 from ncrs_envs.body import CELL_CHARACTERS, CELL_SIZE, SENSOR_CELLS, Cell
+from ncrs_envs.perturbations import GROWTH_PER_STEP
 from ncrs_envs.physics import BALL_RADIUS, DT, LIGHT_RADIUS, TARGET_SIDE
 from ncrs_envs.scenario import WALL_EXTENT, Scenario, wall_quads
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings, playfield
@@ -79,6 +80,7 @@ def live_world(settings: TaskSettings, scenarios: Sequence[Scenario]) -> dict[st
         **world(settings, scenarios),
         "growthSteps": growth_steps(settings.grid_size),
         "repairSteps": REPAIR_STEPS,
+        "growthPerStep": GROWTH_PER_STEP,
         "partCodes": list(nca_layout(settings.task).part_codes),
         "changingChannels": CHANGING_CHANNELS,
         "contactCapacity": len(make_scratch(settings.grid_size).contacts),

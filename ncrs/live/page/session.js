@@ -129,7 +129,7 @@ const NCRSSession = (() => {
         return true;
       }
       if (!exchange(cells)) return false;
-      if (code === EMPTY) session.resting = Math.ceil(session.repairSteps / 2);
+      if (code === EMPTY) session.resting = Math.ceil(session.repairSteps / world.growthPerStep);
       return true;
     }
     // Go on in another body, in which cells that both have keep their states.
