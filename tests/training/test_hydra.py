@@ -163,7 +163,7 @@ def test_the_command_line_wins_over_an_experiment(composed):
 def test_bad_arguments_are_refused_with_what_is_allowed(arguments, message):
     with pytest.raises(NCRSError, match=message) as error:
         check_arguments(arguments, CONF)
-    assert len(str(error.value)) < 400
+    assert len(str(error.value)) < 500
     assert "\n" not in str(error.value)
 
 
@@ -209,13 +209,15 @@ def _records():
     yield "", TrainConfig
     yield "task.", TaskSettings
     yield "engine.", type(TrainConfig().engine)
+    yield "perturbations.", type(TrainConfig().perturbations)
     for entry in OPTIMIZERS.values():
         yield "optimizer.", entry.settings
 
 
 @pytest.mark.parametrize(("prefix", "record"), list(_records()))
 def test_help_names_every_setting_with_its_explanation(prefix, record, printed_help):
-    own = {item.name for item in dataclasses.fields(record)} - {"task", "optimizer", "engine"}
+    groups = {"task", "optimizer", "engine", "perturbations"}
+    own = {item.name for item in dataclasses.fields(record)} - groups
     found = explanations(record)
     assert set(found) == own
     for name, (default, text) in found.items():
