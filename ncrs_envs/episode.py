@@ -86,7 +86,10 @@ class Episode:
     def exchange(self, body: BodyGrid) -> None:
         """Continue with another body on the same grid, which keeps its place and its motion."""
         if not np.array_equal(body, self.robot.body):
+            touch = np.zeros(body.size, dtype=np.float32)
+            touch[self.robot.sensor_cells[self.robot.touch_sensors]] = self._touch
             self.robot = Robot(body, self.robot.wheels.hull_density)
+            self._touch = touch[self.robot.sensor_cells[self.robot.touch_sensors]]
             self.world.exchange(body, self.robot.wheels)
             self._read_poses()
 

@@ -118,7 +118,8 @@ class Noise:
 
     seed: int = 0
     sensor: float = 0.0
-    """Standard deviation of the noise on sensor values, which stay within 0 and 1."""
+    """Standard deviation of the noise on what light and target sensors sense, which stays within 0
+    and 1."""
     state: float = 0.0
     """Standard deviation of the noise on the automaton's hidden and input/output channels, added in
     every occupied cell after every step of control, within the limits of the states."""

@@ -39,9 +39,9 @@ from ncrs_envs.batched.perturbations import (
     exchange_robot,
     lose_cells,
     mark_failing,
+    sense_anew,
 )
 from ncrs_envs.batched.robot import prepare_robot
-from ncrs_envs.batched.sensing import sense
 from ncrs_envs.batched.simulate import reset_episode, step_episode, world_at
 from ncrs_envs.noise import STATE_NOISE
 from ncrs_envs.perturbations import GROWTH_PER_STEP
@@ -261,8 +261,8 @@ def _exchange(
     after: Robot = worlds.robots.robots[there]
     exchange_robot(before, after, trial.state)
     bodies.present[:] = bodies.following
-    observation[:] = 0.0
-    sense(world_at(worlds, there, trial.episode), trial.state, observation)
+    sensors = worlds.robots.sensors[1 - there, : before.sensor_count]
+    sense_anew(sensors, world_at(worlds, there, trial.episode), trial.state, observation)
 
 
 @kernel

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ncrs_envs.batched.episode_batch import EpisodeBatch
 from ncrs_envs.batched.scenario_table import Indices
-from ncrs_envs.body import sensor_mask, wheel_mask
+from ncrs_envs.body import Cell, sensor_mask, wheel_mask
 from ncrs_envs.noise import SENSOR_NOISE, normal_noise
 from ncrs_envs.scenario import Scenario
 
@@ -91,7 +91,8 @@ class EnvRobots:
             noise = scenario.noise
             if noise is None or not noise.sensor:
                 continue
-            cells = np.flatnonzero(self._sensor_masks[env])
+            is_touch = self.bodies[env] == Cell.TOUCH_SENSOR
+            cells = np.flatnonzero(self._sensor_masks[env] & ~is_touch)
             counters = steps[env] * self.bodies[env].size + cells
             drawn = noise.sensor * normal_noise(noise.seed, SENSOR_NOISE, counters)
             values = observations[env].reshape(-1)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.batched.dtypes import Record, assign, column, records
 from ncrs_envs.batched.dynamics import grid_center
-from ncrs_envs.batched.layout import Robot, State, World, Worlds, make_robots, make_scratch
-from ncrs_envs.batched.perturbations import exchange_robot
+from ncrs_envs.batched.layout import Robot, Sensor, State, World, Worlds, make_robots, make_scratch
+from ncrs_envs.batched.perturbations import exchange_robot, sense_anew
 from ncrs_envs.batched.records import robot_records, settings_record
 from ncrs_envs.batched.scenario_table import Indices, ScenarioTable
-from ncrs_envs.batched.sensing import distances, sense
+from ncrs_envs.batched.sensing import distances
 from ncrs_envs.batched.simulate import reset_episode, step_episode, world_at
 from ncrs_envs.body import BodyGrid
 from ncrs_envs.cores import available_cores
@@ -65,16 +65,20 @@ def _start_episodes(worlds: Worlds, episodes: _Episodes, chosen: Indices) -> Non
 
 @kernel
 def _exchange_robots(
-    worlds: Worlds, episodes: _Episodes, chosen: Indices, before: NDArray[Robot]
+    worlds: Worlds,
+    episodes: _Episodes,
+    chosen: Indices,
+    robots: NDArray[Robot],
+    sensors: NDArray[Sensor],
 ) -> None:
-    """Let episodes go on with their present robots in place of those before."""
+    """Let episodes go on with their present robots in place of those before, which are given."""
     for i in range(len(chosen)):
         episode = chosen[i]
         state: State = episodes.states[episode]
-        exchange_robot(before[i], worlds.robots.robots[episode], state)
+        exchange_robot(robots[i], worlds.robots.robots[episode], state)
         world = world_at(worlds, episode, episode)
-        episodes.observations[episode, :] = 0.0
-        sense(world, state, episodes.observations[episode])
+        before = sensors[i, : robots[i].sensor_count]
+        sense_anew(before, world, state, episodes.observations[episode])
         _read(world, state, episodes.readings[episode])
 
 
@@ -147,9 +151,9 @@ class EpisodeBatch:
 
     def exchange_bodies(self, episodes: Indices, bodies: NDArray[np.int8]) -> None:
         """Let running episodes go on with other bodies; arguments as in ``set_bodies``."""
-        before = self._robots.robots[episodes].copy()
+        before = self._robots.robots[episodes].copy(), self._robots.sensors[episodes].copy()
         self.set_bodies(episodes, bodies)
-        _exchange_robots(self._worlds(0), self._episodes, episodes, before)
+        _exchange_robots(self._worlds(0), self._episodes, episodes, *before)
 
     def start(self, episodes: Indices) -> None:
         """Start new episodes in the scenarios that the table holds for them."""

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.batched.dtypes import Record, records
-from ncrs_envs.batched.layout import Robot, Sensor, State
+from ncrs_envs.batched.layout import Robot, Sensor, State, World
 from ncrs_envs.batched.noise import normal_value
+from ncrs_envs.batched.sensing import sense
 from ncrs_envs.body import Cell
 from ncrs_envs.noise import SENSOR_NOISE
 from ncrs_envs.perturbations import ROUNDING, CellChoice
@@ -149,13 +150,39 @@ def exchange_robot(before: Robot, after: Robot, state: State) -> None:
 
 
 @kernel
+def sense_anew(
+    before: NDArray[Sensor], world: World, state: State, observation: NDArray[np.floating]
+) -> None:
+    """Write what another body senses in the place of the one before.
+
+    Touch sensors that both have keep their values.
+
+    Args:
+        before: Sensors of the robot before.
+        world: The episode's world, with the present robot.
+        state: The episode's state.
+        observation: Sensor values per cell, ``(n * n,)``, changed.
+    """
+    touch = np.zeros_like(observation)
+    for i in range(len(before)):
+        if before[i].senses_touch:
+            touch[before[i].place] = observation[before[i].place]
+    observation[:] = 0.0
+    sense(world, state, observation)
+    for i in range(world.robot.sensor_count):
+        sensor: Sensor = world.sensors[i]
+        if sensor.senses_touch:
+            observation[sensor.place] = touch[sensor.place]
+
+
+@kernel
 def add_sensor_noise(
     sensors: NDArray[Sensor],
     perturbation: Perturbation,
     step: int,
     observation: NDArray[np.floating],
 ) -> None:
-    """Add noise to the sensor values after a step, within 0 and 1.
+    """Add noise to what light and target sensors sense after a step, within 0 and 1.
 
     Args:
         sensors: Sensors of the robot.
@@ -164,6 +191,8 @@ def add_sensor_noise(
         observation: Sensor values per cell, ``(n * n,)``, changed.
     """
     for i in range(len(sensors)):
+        if sensors[i].senses_touch:  # its last value is its memory
+            continue
         place = sensors[i].place
         drawn = normal_value(perturbation.seed, SENSOR_NOISE, step * len(observation) + place)
         value = observation[place] + perturbation.sensor_noise * drawn

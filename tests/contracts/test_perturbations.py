@@ -10,7 +10,16 @@ import pytest
 from ncrs import evaluate, load_champion
 from ncrs.engines.base import EngineSettingError
 from ncrs.engines.cuda.engine import CUDAEngine
-from ncrs_envs import Damage, Noise, PerturbationError, Repair, WheelFailure, sample_scenarios
+from ncrs_envs import (
+    Damage,
+    Noise,
+    PerturbationError,
+    Repair,
+    Scenario,
+    WheelFailure,
+    parse_body,
+    sample_scenarios,
+)
 from ncrs_envs.batched.perturbations import lose_cells, mark_failing
 from ncrs_envs.tasks import TaskSettings
 
@@ -109,6 +118,28 @@ def test_kernels_choose_the_cells_that_the_records_choose():
         mark_failing(body, order, share, fails)
         expected = WheelFailure(0, cells, fraction).failed(body)
         np.testing.assert_array_equal(fails.reshape(5, 5), expected)
+
+
+def test_touch_sensors_remember_through_damage():
+    """They fade as before, whichever other cells are lost, and have no noise."""
+    walls = (((-66.0, -66.0), (-1.0, 6.0)), ((66.0, -66.0), (1.0, 6.0)))
+    body = parse_body("..C../.LWL./WWWWW/...../.....")
+    scenario = Scenario((0.0, -35.0), light=(0.0, 36.0), walls=walls)
+    scenario = replace(scenario, damage=Damage(45, [(1, 1), (2, 0)]), noise=Noise(1, 0.05))
+    many = gymnasium.make_vec("NCRS-ObstacleTouch-v0", 1, body=body)
+    single = gymnasium.make("NCRS-ObstacleTouch-v0", body=body)
+    many.reset(options={"scenario": scenario})
+    single.reset(options={"scenario": scenario})
+    felt = []
+    for step in range(60):
+        gas = np.full((5, 5), 1.0 if step < 40 else -1.0, dtype=np.float32)
+        observations, *_ = many.step(gas[None])
+        observation, *_ = single.step(gas)
+        np.testing.assert_allclose(observations[0], observation, atol=1e-3)
+        felt.append(float(observation[0, 2]))
+    assert max(felt) == 1.0
+    assert 0.0 < felt[46] < felt[44] < 1.0
+    assert felt[46] == pytest.approx(0.8**2 * felt[44], rel=1e-5)
 
 
 @pytest.mark.parametrize("env_id", ["NCRS-LightChase-v0", "NCRS-CarryBall-v0"])
