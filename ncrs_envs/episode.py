@@ -22,6 +22,7 @@ from ncrs_envs.body import (
 from ncrs_envs.box2d_jointed import JointedWorld
 from ncrs_envs.box2d_world import Pose, RobotWorld
 from ncrs_envs.noise import SENSOR_NOISE, normal_noise
+from ncrs_envs.perturbing import check_can_change
 from ncrs_envs.physics import TOUCH_DECAY, WheelModel, wheel_model
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Point, Scenario, wall_quads
@@ -55,6 +56,7 @@ class Episode:
     """
 
     def __init__(self, settings: TaskSettings, robot: Robot, scenario: Scenario) -> None:
+        check_can_change(scenario, settings)
         self.settings = settings
         self.robot = robot
         self.scenario = scenario

@@ -7,6 +7,7 @@ an order, and a fraction says how many of them: one record takes the same share 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -180,7 +181,7 @@ def check_share(value: Any, name: str) -> float:
 def check_deviation(value: Any, name: str) -> float:
     """Return a non-negative finite number as a float, or raise ``PerturbationError``."""
     is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not is_number or not 0.0 <= value < math.inf:
+    if not is_number or not 0.0 <= value <= sys.float_info.max:
         raise PerturbationError(
             f"The standard deviation of {name} noise must be finite and not negative, got "
             f"{value!r}."

@@ -26,7 +26,7 @@ from ncrs_envs.perturbations import (
     mirrored,
 )
 from ncrs_envs.scenario import Scenario, as_seed_sequence
-from ncrs_envs.tasks import MAX_EPISODE_STEPS
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, RIGID, TaskSettings
 
 SINGLE, PIECE, MIXED = "single", "piece", "mixed"
 DAMAGE_KINDS = (SINGLE, PIECE, MIXED)
@@ -157,6 +157,16 @@ class PerturbationSettings:
 
 NO_PERTURBATIONS = PerturbationSettings()
 """Settings with which nothing happens."""
+
+
+def check_can_change(scenario: Scenario, settings: TaskSettings) -> None:
+    """Raise ``PerturbationError`` if a scenario changes the body of a robot with joints."""
+    changes = scenario.damage is not None or scenario.repair is not None
+    if changes and settings.construction != RIGID:
+        raise PerturbationError(
+            f"A robot of construction={settings.construction} cannot lose or regrow cells; use "
+            f"construction={RIGID}."
+        )
 
 
 def are_perturbed(rows: Iterable[Scenario | Iterable[Scenario]]) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.bodies import check_bodies
+from ncrs_envs.perturbing import check_can_change
 from ncrs_envs.scenario import Scenario, ScenarioError
 from ncrs_envs.tasks import TaskSettings
 
@@ -45,6 +46,7 @@ def check_scenario_rows(
     for row in checked:
         for scenario in row:
             scenario.check(settings.task, settings.grid_size)
+            check_can_change(scenario, settings)
     return checked
 
 

@@ -123,9 +123,9 @@ def test_kernels_choose_the_cells_that_the_records_choose():
 def test_touch_sensors_remember_through_damage():
     """They fade as before, whichever other cells are lost, and have no noise."""
     walls = (((-66.0, -66.0), (-1.0, 6.0)), ((66.0, -66.0), (1.0, 6.0)))
-    body = parse_body("..C../.LWL./WWWWW/...../.....")
-    scenario = Scenario((0.0, -35.0), light=(0.0, 36.0), walls=walls)
-    scenario = replace(scenario, damage=Damage(45, [(1, 1), (2, 0)]), noise=Noise(1, 0.05))
+    body = parse_body("C.L.C/.WWW./WWWWW/...../.....")
+    scenario = Scenario((0.0, -20.0), light=(0.0, 36.0), walls=walls)
+    scenario = replace(scenario, damage=Damage(45, [(0, 4), (2, 1)]), noise=Noise(1, 0.05))
     many = gymnasium.make_vec("NCRS-ObstacleTouch-v0", 1, body=body)
     single = gymnasium.make("NCRS-ObstacleTouch-v0", body=body)
     many.reset(options={"scenario": scenario})
@@ -136,7 +136,7 @@ def test_touch_sensors_remember_through_damage():
         observations, *_ = many.step(gas[None])
         observation, *_ = single.step(gas)
         np.testing.assert_allclose(observations[0], observation, atol=1e-3)
-        felt.append(float(observation[0, 2]))
+        felt.append(float(observation[0, 0]))
     assert max(felt) == 1.0
     assert 0.0 < felt[46] < felt[44] < 1.0
     assert felt[46] == pytest.approx(0.8**2 * felt[44], rel=1e-5)
@@ -189,6 +189,19 @@ def test_damage_takes_cells_at_its_step_and_a_reset_brings_them_back():
         np.testing.assert_array_equal(ours[0], theirs[0])
     _, info = env.reset(seed=0)
     np.testing.assert_array_equal(info["body"], whole)
+
+
+def test_a_robot_with_joints_keeps_its_cells():
+    env = gymnasium.make("NCRS-LightChase-v0", construction="jointed")
+    with pytest.raises(PerturbationError, match="construction=rigid"):
+        env.reset(options={"damage": Damage(0, [(1, 1)])})
+    with pytest.raises(PerturbationError, match="construction=rigid"):
+        evaluate(
+            _genomes("light_chase"),
+            "light_chase",
+            construction="jointed",
+            scenarios=_scenarios("light_chase", "repair"),
+        )
 
 
 def test_a_malformed_damage_is_refused():
