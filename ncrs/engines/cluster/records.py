@@ -154,8 +154,10 @@ def joined(results: Sequence[RolloutResult]) -> RolloutResult:
     columns = {name: [getattr(result, name) for result in results] for name in ARRAYS}
     if any(part is None for part in columns["grown"]):
         columns["grown"] = [np.ones(len(result.bodies), dtype=np.bool_) for result in results]
-    if any(part is None for part in columns["recovered"]):
-        columns["recovered"] = [np.ones(result.success.shape) for result in results]
+    columns["recovered"] = [
+        np.ones(result.success.shape) if part is None else part
+        for part, result in zip(columns["recovered"], results, strict=True)
+    ]
     return RolloutResult(**{name: np.concatenate(parts) for name, parts in columns.items()})
 
 

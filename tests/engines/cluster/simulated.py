@@ -19,7 +19,10 @@ def expected(population):
     values = np.arange(population, dtype=np.float64)[:, None]
     flags = (values % 2).astype(bool)
     bodies = np.arange(population, dtype=np.int8)[:, None, None]
-    return RolloutResult(bodies, values, flags, flags, values[..., None], flags[:, 0])
+    shares = np.asarray(values, dtype=np.float64)
+    return RolloutResult(
+        bodies, values, flags, flags, values[..., None], flags[:, 0], recovered=shares
+    )
 
 
 def make_shard(first, last, not_on):
