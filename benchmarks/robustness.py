@@ -112,7 +112,7 @@ def draw(file: Path, picture: Path) -> None:
     found = json.loads(file.read_text())
     with style():
         figure = Figure(figsize=(WIDTH, 2.4))
-        panels = figure.subplots(1, len(AXES), sharey=True)
+        panels = figure.subplots(1, len(AXES), sharey=True, squeeze=False)[0]
         for panel, (axis, (label, values)) in zip(panels, AXES.items(), strict=True):
             places = np.arange(len(values))
             for index, robot in enumerate(ROBOTS):
