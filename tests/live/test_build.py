@@ -35,8 +35,7 @@ def text():
 
 def test_a_dozen_champions_take_less_than_400_kb():
     robots = published_robots()
-    robots += robots[: 12 - len(robots)]
-    assert len(robots) == 12
+    assert len(robots) >= 12
     assert len(page_text(robots).encode()) < 400_000
 
 
