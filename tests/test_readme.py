@@ -70,6 +70,11 @@ EXPECTED = {
         "bool(right > 0.6)": True,
         "round(float(wrong), 2)": 0.01,
     },
+    "damage.md": {
+        "int(info['body'][1, 1])": 0,
+        "bool(result.success.mean() == 1.0)": True,
+        "bool(result.recovered.mean() == 1.0)": True,
+    },
     "extending.md": {
         "len(run.curves['fitness/best'])": 3,
         "result.fitness.shape": [1],

@@ -13,7 +13,13 @@ from typing import Any
 from command_lines import command_line, commands
 from environment_pages import environment
 from repository_files import document
-from settings_tables import engine_settings, optimizer_settings, run_settings, task_settings
+from settings_tables import (
+    engine_settings,
+    optimizer_settings,
+    perturbation_settings,
+    run_settings,
+    task_settings,
+)
 from sphinx.application import Sphinx
 
 MAKERS: Mapping[str, Callable[..., str]] = {
@@ -23,6 +29,7 @@ MAKERS: Mapping[str, Callable[..., str]] = {
     "environment": environment,
     "engine_settings": engine_settings,
     "optimizer_settings": optimizer_settings,
+    "perturbation_settings": perturbation_settings,
     "run_settings": run_settings,
     "task_settings": task_settings,
 }

@@ -10,6 +10,7 @@ from ncrs.evolution.optimizers import OPTIMIZERS
 from ncrs.runs.engine_settings import EngineSettings
 from ncrs.runs.settings import TrainConfig
 from ncrs.training.explanations import Explanation, explanations
+from ncrs_envs.perturbing import PerturbationSettings
 from ncrs_envs.tasks import TaskSettings
 
 
@@ -36,6 +37,11 @@ def run_settings() -> str:
 def task_settings() -> str:
     """Describe the settings of the task."""
     return _of_record(TaskSettings, "task.")
+
+
+def perturbation_settings() -> str:
+    """Describe the settings of damage, failures and noise."""
+    return _of_record(PerturbationSettings, "perturbations.")
 
 
 def engine_settings() -> str:

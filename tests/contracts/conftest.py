@@ -21,6 +21,7 @@ VALID_BODY = {
     "NCRS-LightChase-v0": ["L#L", "W#W", "W#W"],
     "NCRS-Obstacle-v0": ["L#L", "W#W", "W#W"],
     "NCRS-CarryBall-v0": ["LTL", "W#W", "W#W"],
+    "NCRS-ObstacleTouch-v0": ["LCL", "W#W", "W#W"],
 }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ncrs_envs
-from ncrs_envs import ActionError, BodyError, OptionError, Scenario, ScenarioError, TaskError
+from ncrs_envs import ActionError, BodyError, Cell, OptionError, Scenario, ScenarioError, TaskError
 from ncrs_envs.tasks import get_task, playfield
 
 TASK_OF = {task.env_id: task for task in ncrs_envs.TASKS.values()}
@@ -28,7 +28,7 @@ def _easy(env_id, grid_size=3):
     if env_id == "NCRS-CarryBall-v0":
         return Scenario(start=(0.0, -20.0), ball=(0.0, -10.0), target=(0.0, 5.0))
     walls = None
-    if env_id == "NCRS-Obstacle-v0":
+    if "Obstacle" in env_id:
         limit = 1.1 * extent
         walls = ([(-limit, -limit), (-20.0, 4.0)], [(limit, -limit), (20.0, 4.0)])
     return Scenario(start=(0.0, -10.0), light=(0.0, 20.0), walls=walls)
@@ -64,19 +64,19 @@ def test_info_has_fixed_shapes(make, env_id):
         expected |= {"distance_to_ball": (), "ball_to_target": ()}
     else:
         expected |= {"distance": ()}
-    if env_id == "NCRS-Obstacle-v0":
+    if "Obstacle" in env_id:
         expected |= {"crossed": ()}
     for info in (first, later):
         assert {name: np.shape(value) for name, value in info.items()} == expected
         assert info["body"].dtype == np.int8
-        assert np.array_equal(info["sensor_mask"], (info["body"] == 2) | (info["body"] == 3))
+        assert np.array_equal(info["sensor_mask"], np.isin(info["body"], (2, 3, 5)))
         assert np.array_equal(info["wheel_mask"], info["body"] == 4)
 
 
 def test_sensors_read_and_all_else_is_zero(make):
     env = make()
     observation, info = env.reset(seed=3)
-    assert np.all(observation[info["sensor_mask"]] > 0)
+    assert np.all(observation[info["sensor_mask"] & (info["body"] != Cell.TOUCH_SENSOR)] > 0)
     assert np.all(observation[~info["sensor_mask"]] == 0)
 
 
@@ -98,7 +98,7 @@ def test_the_inverse_square_score(make, env_id):
     scores = [(info[name] / 60.0 + 1.0) ** -2 for name in names]
     assert reward == pytest.approx(np.mean(scores), abs=1e-6)
     plain, _ = make().reset(seed=2)
-    mask = info["sensor_mask"]
+    mask = info["sensor_mask"] & (info["body"] != Cell.TOUCH_SENSOR)
     nearer = (1.0 - np.log(plain[mask])) ** -2.0
     assert np.allclose(observation[mask], nearer, rtol=0, atol=1e-4)
 

@@ -15,6 +15,7 @@ from ncrs.cli import COMMANDS
 from ncrs.evolution.optimizers import OPTIMIZERS
 from ncrs.runs.engine_settings import EngineSettings
 from ncrs.runs.settings import TrainConfig
+from ncrs_envs.perturbing import PerturbationSettings
 from ncrs_envs.tasks import BUILT_IN, TaskSettings
 from tests.documents import DOCS, PAGES
 
@@ -32,8 +33,9 @@ def test_every_setting_is_described(maker):
         (tables.run_settings(), TrainConfig, ""),
         (tables.task_settings(), TaskSettings, "task."),
         (tables.engine_settings(), EngineSettings, "engine."),
+        (tables.perturbation_settings(), PerturbationSettings, "perturbations."),
     ):
-        groups = ("task", "optimizer", "engine")
+        groups = ("task", "optimizer", "engine", "perturbations")
         names = [field.name for field in dataclasses.fields(record) if field.name not in groups]
         described = re.findall(rf"^`{prefix}(\w+)`\n: \S.+ Default: `.*`\.$", text, re.MULTILINE)
         assert described == names

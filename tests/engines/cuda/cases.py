@@ -1,7 +1,7 @@
 """Small evaluations in which robots touch the light, walls and the ball from the first steps on.
 
 Run as a script, it evaluates them with the engine ``cuda`` in numba-cuda's simulator, which needs
-no GPU: ``NUMBA_ENABLE_CUDASIM=1 python cases.py FILE`` writes the results.
+no GPU: ``NUMBA_ENABLE_CUDASIM=1 python cases.py FILE TASK`` writes the results of a task.
 """
 
 import sys
@@ -55,15 +55,11 @@ def evaluate(engine, module, task):
         )
 
 
-def main(path):
+def main(path, task):
     from ncrs.engines.cuda.engine import CUDAEngine
 
-    results = {}
-    for task in TASKS:
-        result = evaluate(CUDAEngine, "ncrs.engines.cuda.part", task)
-        results |= {f"{task} {name}": value for name, value in vars(result).items()}
-    np.savez(path, **results)
+    np.savez(path, **vars(evaluate(CUDAEngine, "ncrs.engines.cuda.part", task)))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])
