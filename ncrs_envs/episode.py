@@ -62,8 +62,8 @@ class Episode:
         self.scenario = scenario
         self.steps = 0
         """Number of steps done."""
-        self.damaged = robot.body
-        """Body that the damage left; the whole one before it."""
+        self.hit = self.damaged = robot.body
+        """Body that the damage struck, and what it left; the whole one before it."""
         world = JointedWorld if settings.construction == JOINTED else RobotWorld
         self.world = world(robot.body, robot.wheels, scenario)
         failure = scenario.failure
@@ -82,7 +82,8 @@ class Episode:
     def _lose_cells_if_due(self) -> None:
         damage = self.scenario.damage
         if damage is not None and damage.step == self.steps:
-            self.damaged = damage.left(self.robot.body)
+            self.hit = self.robot.body
+            self.damaged = damage.left(self.hit)
             self.exchange(self.damaged)
 
     def exchange(self, body: BodyGrid) -> None:

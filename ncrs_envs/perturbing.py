@@ -7,7 +7,7 @@ they have without perturbations, and a larger fraction takes the same cells and 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -54,7 +54,8 @@ class PerturbationSettings:
     """Modules that vanish: single ones anywhere; a piece, those nearest to a random point; or
     mixed, one or the other."""
     damage_generations: int = 0
-    """Generations over which the damaged fraction rises from 0 to its value."""
+    """Generations over which the damaged fraction rises to its value; since it is rounded up, one
+    module at least is lost from the second generation on."""
     failure_fraction: float = 0.0
     """Fraction of its wheels that get no gas any more, 0 to 1, rounded up."""
     failure_step: int = 0
@@ -111,7 +112,8 @@ class PerturbationSettings:
     @property
     def is_any(self) -> bool:
         """True if anything may happen."""
-        return asdict(self) != asdict(NO_PERTURBATIONS)
+        fractions = (self.damage_fraction, self.failure_fraction)
+        return any((*fractions, self.sensor_noise, self.state_noise, self.repair_steps))
 
     def at(self, generation: int | None) -> PerturbationSettings:
         """Return the settings of a generation, in which the damaged fraction may be smaller.
@@ -213,7 +215,9 @@ def perturb(
         drawn = settings.draw(np.random.Generator(np.random.PCG64(child)), grid_size)
         images = scenarios[index * len(flips) : (index + 1) * len(flips)]
         for image, (scenario, flip) in enumerate(zip(images, flips, strict=False)):
-            perturbed.append(replace(scenario, **_image(drawn, grid_size, flip, image)))
+            values = _image(drawn, grid_size, flip, image)
+            added = {name: value for name, value in values.items() if value is not None}
+            perturbed.append(replace(scenario, **added))
     return perturbed
 
 

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ncrs.commands import add_output_argument, add_seed_argument, output_folder, print_saved
-from ncrs.engines.base import AUTO_ENGINE, ENGINES, make_engine
+from ncrs.engines.base import AUTO_ENGINE, ENGINES, make_engine, resolve_engine
 from ncrs.engines.evaluate import EPISODES
 from ncrs.evolution.archive import PAPER_TRIPLES, STANDING_STILL_MARGIN, SUCCESS_FRACTION
 from ncrs.evolution.reestimation import reestimate
 from ncrs.runs.elites import EliteArchive, load_archive
 from ncrs.runs.exports import MEASURES, ExportError, write_csv, write_pyribs
 from ncrs.runs.seeds import Stream, seed_row, seed_sequence
+from ncrs_envs.mirroring import ScenarioSampling
 
 REESTIMATED_FILE = "archive_reestimated.npz"
 CSV_FILE = "archive.csv"
@@ -86,16 +87,21 @@ def pyribs_file(axes: Sequence[str]) -> str:
 def reestimated(elites: EliteArchive, engine: str, seed: int, episodes: int) -> EliteArchive:
     """Copy an archive and evaluate all elites of the copy on the same fresh scenarios.
 
+    What happened to the robots in training, such as damage, happens in these, too.
+
     Raises:
         EngineSettingError: If there is no such engine.
         ScenarioError: If ``episodes`` is below 1.
         SeedError: If the seed is negative.
     """
     archive = type(elites.archive).from_state(elites.archive.state())
-    copy = EliteArchive(elites.task, archive, episodes)
+    perturbations = elites.sampling.perturbations
+    sampling = ScenarioSampling(perturbations=perturbations)
+    copy = EliteArchive(elites.task, archive, episodes, sampling)
     task, sequence = elites.task, seed_sequence(seed, Stream.COMMAND_REESTIMATION)
     scenarios = copy.sampling.draw(task.task, sequence, episodes, task.grid_size)
-    with make_engine(engine, task) as running:
+    chosen = resolve_engine(engine, task, perturbations.is_any)
+    with make_engine(chosen, task) as running:
         reestimate(copy.archive, running, scenarios, seed_row(sequence))
     return copy
 

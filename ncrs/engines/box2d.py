@@ -110,7 +110,7 @@ def evaluate_genome(job: _Job) -> _GenomeResult:
             success=np.array([e.success for e in episodes]),
             crossed=np.array([e.crossed for e in episodes]),
             closest=np.array([e.closest for e in episodes]),
-            recovered=np.array([recovered(e, body) for e in episodes]),
+            recovered=np.array([recovered(e) for e in episodes]),
         )
 
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from ncrs.automaton.channels import nca_layout
-from ncrs.engines.arguments import ScenarioRows
+from ncrs.engines.arguments import ScenarioRows, check_scenario_rows
 from ncrs.engines.base import AUTO_ENGINE, Evaluation, make_engine, resolve_engine
 from ncrs_envs.body import DEFAULT_GRID_SIZE, HULL_DENSITY
 from ncrs_envs.mirroring import ScenarioSampling
 from ncrs_envs.perturbing import NO_PERTURBATIONS, PerturbationSettings, are_perturbed
-from ncrs_envs.scenario import Scenario
+from ncrs_envs.scenario import Scenario, ScenarioError
 from ncrs_envs.tasks import RIGID, Task, TaskSettings, get_task
 
 EPISODES = 12
@@ -75,9 +75,16 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
         get_task(task).name, grid_size, distance_score, success_radius, construction, hull_density
     )
     checked = nca_layout(settings.task).check_genomes(genomes)
+    if scenarios is not None and perturbations.is_any:
+        raise ScenarioError(
+            "perturbations are drawn with the scenarios; given scenarios hold their own damage, "
+            "failure, noise and repair. Leave one of the two out."
+        )
     if scenarios is None:
         sampling = ScenarioSampling(perturbations=perturbations)
         scenarios = sampling.draw(settings.task, seed, episodes, settings.grid_size)
+    else:
+        scenarios = check_scenario_rows(scenarios, settings, len(checked))
     engine = resolve_engine(engine, settings, are_perturbed(scenarios))
     if workers is None and len(checked) < _WORTH_WORKERS and engine == "box2d":
         workers = 1

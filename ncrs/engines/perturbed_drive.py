@@ -89,7 +89,7 @@ class Perturber:
         return drawn
 
 
-def recovered(episode: Episode, whole: BodyGrid) -> float:
+def recovered(episode: Episode) -> float:
     """Return the fraction of the lost modules that are back; 1 if none was lost."""
-    lost = whole != episode.damaged
-    return float((episode.robot.body == whole)[lost].mean()) if lost.any() else 1.0
+    lost = episode.hit != episode.damaged
+    return float((episode.robot.body == episode.hit)[lost].mean()) if lost.any() else 1.0

@@ -75,6 +75,8 @@ class _Bodies(NamedTuple):
     whole: NDArray[np.int8]
     """As it was grown."""
     present: NDArray[np.int8]
+    hit: NDArray[np.int8]
+    """What the damage struck."""
     damaged: NDArray[np.int8]
     """What the damage left."""
     following: NDArray[np.int8]
@@ -130,7 +132,7 @@ def roll_out_perturbed(
     listed = perturbed.perturbations
     for genome in genomes:
         body = rollout.bodies[genome]
-        bodies = _Bodies(body, body.copy(), body.copy(), body.copy())
+        bodies = _Bodies(body, body.copy(), body.copy(), body.copy(), body.copy())
         networks = _Networks(
             network_of(rollout.networks, genome),
             network_of(perturbed.growth, genome),
@@ -168,7 +170,7 @@ def _drive(
     state = trial.state
     perturbation = trial.perturbation
     observation = buffers.observations[0]
-    for array in (bodies.present, bodies.damaged):
+    for array in (bodies.present, bodies.hit, bodies.damaged):
         array[:] = bodies.whole
     here = 0
     _prepare(worlds.robots, here, bodies.whole)
@@ -187,6 +189,7 @@ def _drive(
                 if step != perturbation.damage_step:
                     continue
                 fraction = perturbation.damage_fraction
+                bodies.hit[:] = bodies.present
                 lose_cells(bodies.present, trial.damaged, fraction, bodies.following)
                 bodies.damaged[:] = bodies.following
                 if perturbation.repair_every == 0:
@@ -318,8 +321,8 @@ def _recovered(bodies: _Bodies) -> float:
     """Return the fraction of the lost modules that are back; 1 if none was lost."""
     lost = 0
     back = 0
-    for place in range(bodies.whole.size):
-        code = bodies.whole.flat[place]
+    for place in range(bodies.hit.size):
+        code = bodies.hit.flat[place]
         if code != bodies.damaged.flat[place]:
             lost += 1
             if code == bodies.present.flat[place]:

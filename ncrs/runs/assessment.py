@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ncrs.engines.base import make_engine
+from ncrs.engines.base import make_engine, resolve_engine
 from ncrs.runs.checkpoint import CheckpointError, write_json
 from ncrs.runs.robot import EvolvedRobot
 from ncrs.runs.seeds import Stream, seed_sequence
@@ -135,8 +135,10 @@ def assess(  # noqa: PLR0913 - keywords only
     sequence = seed_sequence(seed, Stream.ASSESSMENT)
     sampling = ScenarioSampling(perturbations=perturbations)
     scenarios = sampling.draw(settings.task, sequence, episodes, settings.grid_size)
+    engine = resolve_engine(engine, settings, perturbations.is_any)
     with make_engine(engine, settings, workers) as running:
         result = running.evaluate(robot.genome, scenarios)
+    struck = np.array([scenario.damage is not None for scenario in scenarios])
     episode_fitness = result.episode_fitness[0]
     spread = float(episode_fitness.std(ddof=1)) if episodes > 1 else 0.0
     crossed = Proportion.of(int(result.crossed[0].sum()), episodes)
@@ -153,7 +155,7 @@ def assess(  # noqa: PLR0913 - keywords only
         construction=settings.construction,
         hull_density=settings.hull_density,
         perturbations=asdict(perturbations) if perturbations.is_any else None,
-        recovered=float(result.recovered[0].mean()) if perturbations.damage_fraction else None,
+        recovered=float(result.recovered[0, struck].mean()) if struck.any() else None,
     )
 
 

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ncrs.engines.base import resolve_engine
+from ncrs.engines.base import CLUSTER_ENGINES, resolve_engine
 from ncrs.evolution.objective import FITNESS, ObjectiveError, check_objective
 from ncrs.evolution.optimizers import OPTIMIZERS, OptimizerSettings, SepCMAESSettings
 from ncrs.evolution.space import WEIGHTS, SpaceError, check_space
@@ -174,15 +174,16 @@ class TrainConfig:
             raise ConfigError(str(error)) from error
 
     def resolved(self) -> TrainConfig:
-        """Return these settings with every "auto" resolved."""
+        """Return these settings with every "auto" resolved, but for workers that may have GPUs."""
+        perturbed = self.perturbations.is_any
+        engine = replace(
+            self.engine, name=resolve_engine(self.engine.name, self.task, perturbed=perturbed)
+        )
+        if perturbed and engine.name in CLUSTER_ENGINES:
+            engine.on_workers = resolve_engine(engine.on_workers, self.task, perturbed=perturbed)
         return replace(
             self,
-            engine=replace(
-                self.engine,
-                name=resolve_engine(
-                    self.engine.name, self.task, perturbed=self.perturbations.is_any
-                ),
-            ),
+            engine=engine,
             mirroring=self.sampling().mirroring,
         )
 

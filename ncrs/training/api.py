@@ -24,7 +24,8 @@ from ncrs.runs.settings import (
 from ncrs.training.trainer import Trainer
 from ncrs.training.watch import Callback, Watch
 
-_GROUPS = ("task", "optimizer", "engine")
+_NAMED_GROUPS = ("task", "optimizer", "engine")
+_GROUPS = (*_NAMED_GROUPS, "perturbations")
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ def train(
         progress: Show a progress bar on stderr.
         **settings: Settings by name, with the defaults of ``ncrs train``, whose ``--help`` explains
             them. ``task``, ``optimizer`` and ``engine`` take a name, a mapping with "name" and
-            other settings, or a record such as ``ncrs_envs.tasks.TaskSettings``.
+            other settings, or a record such as ``ncrs_envs.tasks.TaskSettings``;
+            ``perturbations`` a mapping or a record.
 
     Raises:
         ConfigError: If a setting is unknown or out of range, or a resumed run's would change.
@@ -88,7 +90,7 @@ def _plain(name: str, value: Any) -> Any:
     """Convert a group of settings to a mapping: a name alone, or a record."""
     if name not in _GROUPS:
         return value
-    if isinstance(value, str):
+    if isinstance(value, str) and name in _NAMED_GROUPS:
         return {"name": value}
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)

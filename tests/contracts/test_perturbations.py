@@ -14,8 +14,10 @@ from ncrs_envs import (
     Damage,
     Noise,
     PerturbationError,
+    PerturbationSettings,
     Repair,
     Scenario,
+    ScenarioError,
     WheelFailure,
     parse_body,
     sample_scenarios,
@@ -212,3 +214,25 @@ def test_a_malformed_damage_is_refused():
             made.reset(options={"damage": Damage(0, [(7, 0)])})
         with pytest.raises(PerturbationError, match=r"must be an ncrs_envs\.Damage"):
             made.reset(options={"damage": 0.3})
+
+
+@pytest.mark.parametrize("engine", ["batched", "box2d"])
+def test_only_modules_that_damage_took_can_come_back(engine):
+    """Repairs before the damage change this champion's body, which is no loss to damage."""
+    genome = load_champion("light_chase/best").genome
+    drawn = sample_scenarios("light_chase", 1, 1)[0]
+    nothing = replace(drawn, repair=Repair(10, 20), damage=Damage(60, []))
+    some = replace(nothing, damage=Damage(60, [(0, 0), (2, 2)]))
+    result = evaluate(genome, "light_chase", engine=engine, scenarios=[nothing, some], workers=1)
+    assert result.recovered[0, 0] == 1.0
+    assert result.recovered[0, 1] in (0.0, 0.5, 1.0)
+
+
+def test_given_scenarios_hold_their_own_perturbations():
+    genome = load_champion("light_chase/best").genome
+    drawn = sample_scenarios("light_chase", 1, 2)
+    settings = PerturbationSettings(damage_fraction=0.3)
+    with pytest.raises(ScenarioError, match="Leave one of the two out"):
+        evaluate(genome, "light_chase", scenarios=drawn, perturbations=settings)
+    with pytest.raises(ScenarioError, match="must be a sequence"):
+        evaluate(genome, "light_chase", scenarios=[None])

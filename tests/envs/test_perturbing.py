@@ -3,10 +3,10 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from ncrs_envs import PerturbationError, PerturbationSettings, sample_scenarios
+from ncrs_envs import Damage, PerturbationError, PerturbationSettings, sample_scenarios
 from ncrs_envs.mirroring import ScenarioSampling, sampling_of
 from ncrs_envs.perturbations import mirrored
-from ncrs_envs.perturbing import NO_PERTURBATIONS, are_perturbed
+from ncrs_envs.perturbing import NO_PERTURBATIONS, are_perturbed, perturb
 
 STRONG = PerturbationSettings(
     damage_fraction=0.3, damage_step=5, damage_until=40, failure_fraction=0.2, sensor_noise=0.1,
@@ -101,3 +101,17 @@ def test_a_sampling_survives_as_nested_values():
     values = asdict(ScenarioSampling())
     del values["perturbations"]  # as in archives from before there were any
     assert sampling_of(values) == ScenarioSampling()
+
+
+def test_settings_without_effect_are_none():
+    for settings in ({"share": 0.5}, {"damage_kind": "piece"}, {"damage_until": 50}):
+        assert not PerturbationSettings(**settings).is_any
+    for settings in ({"repair_steps": 2}, {"sensor_noise": 0.1}, {"failure_fraction": 0.1}):
+        assert PerturbationSettings(**settings).is_any
+
+
+def test_a_scenarios_own_damage_stays_where_none_is_drawn():
+    own = replace(sample_scenarios("light_chase", 0, 1)[0], damage=Damage(3, [(1, 1)]))
+    (changed,) = perturb([own], PerturbationSettings(repair_steps=4), 0, 5)
+    assert changed.damage == own.damage
+    assert changed.repair.steps == 4

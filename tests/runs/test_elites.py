@@ -2,12 +2,14 @@
 
 import csv
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import ncrs
 from ncrs.cli import main
+from ncrs.commands.archive import reestimated
 from ncrs.engines.base import make_engine
 from ncrs.evolution.reestimation import reestimate
 from ncrs.evolution.standstill import standing_still_fitness
@@ -16,6 +18,8 @@ from ncrs.runs.elites import EliteArchive, EliteError, load_archive, make_archiv
 from ncrs.runs.engine_settings import ConfigError
 from ncrs.runs.exports import write_csv
 from ncrs.runs.seeds import Stream, seed_row, seed_sequence
+from ncrs_envs import PerturbationSettings
+from ncrs_envs.mirroring import ScenarioSampling
 from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import TASKS, TaskSettings
 
@@ -209,6 +213,17 @@ def test_the_archive_command(found, saved, capsys):
         load_archive(folder).archive.column("fitness"), found[0].archive.column("fitness")
     )
     assert (folder / "archive.csv").is_file()
+
+
+def test_new_estimates_are_under_the_damage_of_training(found):
+    elites = found[0]
+    damage = PerturbationSettings(damage_fraction=0.5)
+    trained = replace(elites, sampling=ScenarioSampling(perturbations=damage))
+    again = reestimated(trained, "batched", 0, 2)
+    assert again.sampling.perturbations == damage
+    plain = reestimated(elites, "batched", 0, 2)
+    differ = again.archive.column("fitness") != plain.archive.column("fitness")
+    assert differ.any()
 
 
 def test_the_archive_command_on_nothing(tmp_path, capsys):
