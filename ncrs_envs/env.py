@@ -122,6 +122,11 @@ class RobotEnv(_BaseEnv):
         return (self._robot if self._episode is None else self._episode.robot).body
 
     @property
+    def whole_body(self) -> BodyGrid:
+        """Body before any damage, int8 ``(n, n)``, read-only."""
+        return self._robot.body
+
+    @property
     def scenario(self) -> Scenario | None:
         """Placements of the current episode; None before the first reset."""
         return None if self._episode is None else self._episode.scenario

@@ -34,6 +34,14 @@ class EnvRobots:
         self._whole: dict[int, NDArray[np.int8]] = {}
         self._failed: dict[int, NDArray[np.bool_]] = {}
 
+    @property
+    def whole_bodies(self) -> NDArray[np.int8]:
+        """Bodies before any damage, int8 ``(count, n, n)``, a copy."""
+        bodies = self.bodies.copy()
+        for env, whole in self._whole.items():
+            bodies[env] = whole
+        return bodies
+
     def put(self, envs: Indices, bodies: NDArray[np.int8]) -> None:
         """Set bodies, ``(len(envs), n, n)`` or ``(1, n, n)``, for these and later episodes."""
         self._batch.set_bodies(envs, bodies)

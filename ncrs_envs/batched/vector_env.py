@@ -172,6 +172,11 @@ class RobotVectorEnv(_BaseEnv):
         return self._robots.bodies.copy()
 
     @property
+    def whole_bodies(self) -> NDArray[np.int8]:
+        """The bodies before any damage, int8 ``(num_envs, n, n)``, a copy."""
+        return self._robots.whole_bodies
+
+    @property
     def scenarios(self) -> tuple[Scenario | None, ...]:
         """Placements of the present episodes; None where none has been started."""
         return tuple(self._batch.scenarios[env] for env in range(self.num_envs))
@@ -358,9 +363,8 @@ class RobotVectorEnv(_BaseEnv):
         """
         if self._batch.scenarios[env] is None:
             raise ResetNeeded("Call reset() before render(): there is nothing to show yet.")
-        path = self._pictures.path(env)
         body = self._robots.bodies[env].copy()
-        return self._batch.scene(env, body, self._actions[env].copy(), path)
+        return self._batch.scene(env, body, self._actions[env].copy(), self._pictures.path(env))
 
     def _check_open(self) -> None:
         if self.closed:

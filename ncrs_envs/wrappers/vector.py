@@ -42,6 +42,13 @@ def bodies_of(envs: _Envs) -> NDArray[np.int8]:
     return np.asarray(base.bodies if hasattr(base, "bodies") else base.get_attr("body"))
 
 
+def whole_bodies_of(envs: _Envs) -> NDArray[np.int8]:
+    """Bodies of all environments before any damage, int8 ``(N, n, n)``."""
+    base: Any = envs.unwrapped
+    has_all = hasattr(base, "whole_bodies")
+    return np.asarray(base.whole_bodies if has_all else base.get_attr("whole_body"))
+
+
 class _View(_Wrapper):
     """A wrapper that knows which environments have just begun a new episode."""
 
@@ -70,7 +77,9 @@ class _View(_Wrapper):
         self, *, seed: Any = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Start episodes; options as in the environments."""
-        observations, infos = self.env.reset(seed=seed, options=options)
+        # Gymnasium takes the mask out of the options that it gets.
+        given = options.copy() if isinstance(options, dict) else options
+        observations, infos = self.env.reset(seed=seed, options=given)
         self._was_done[_is_reset(options, self.num_envs)] = False
         return observations, infos
 
@@ -92,7 +101,8 @@ class FixedBodyView(_View):
     """Sensors and wheels of bodies as vectors, in row order.
 
     Observations are ``Box(0, 1, (N, sensors), float32)``, actions ``Box(-1, 1, (N, wheels),
-    float32)``. Bodies may differ, but not in how many sensors and wheels they have.
+    float32)``. Bodies may differ, but not in how many sensors and wheels they have. Lost
+    ones keep their places: a lost sensor reads 0, the gas of a lost wheel is ignored.
 
     Args:
         envs: vector environments of this suite.
@@ -103,7 +113,7 @@ class FixedBodyView(_View):
 
     def __init__(self, envs: _Envs) -> None:
         super().__init__(envs)
-        bodies = bodies_of(envs)
+        bodies = whole_bodies_of(envs)
         counts = _counts(bodies)
         if len(np.unique(counts, axis=0)) > 1:
             raise BodyError(
@@ -131,13 +141,13 @@ class FixedBodyView(_View):
         Raises:
             BodyError: ``options["body"]`` has another number of sensors or wheels.
         """
-        before = bodies_of(self.env)
+        before = whole_bodies_of(self.env)
         grids, infos = super().reset(seed=seed, options=options)
-        bodies = bodies_of(self.env)
+        bodies = whole_bodies_of(self.env)
         counts = _counts(bodies)
         wrong = np.flatnonzero((counts != (self._sensor_count, self._wheel_count)).any(axis=1))
         if len(wrong):
-            self.env.reset(options={"body": before})
+            self._restore(before, _is_reset(options, self.num_envs))
             raise BodyError(
                 f"This view is of bodies with {self._sensor_count} sensors and "
                 f"{self._wheel_count} wheels, got one with {counts[wrong[0]].tolist()} for "
@@ -145,6 +155,11 @@ class FixedBodyView(_View):
             )
         self._set_bodies(bodies)
         return self._vectors(grids), infos
+
+    def _restore(self, bodies: NDArray[np.int8], mask: Flags) -> None:
+        for body in np.unique(bodies[mask], axis=0):
+            same = mask & (bodies == body).all(axis=(1, 2))
+            self.env.reset(options={"body": body, "reset_mask": same})
 
     def step(self, actions: Values) -> Step:
         """Advance one control step with one gas value per wheel, shape ``(N, wheels)``.

@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from ncrs_envs import ActionError, BodyError
+from ncrs_envs import ActionError, BodyError, Damage
 from ncrs_envs import wrappers as single
 from ncrs_envs.wrappers import vector
 from ncrs_envs.wrappers.signals import SensorContrast, ViewError, sides
@@ -110,6 +110,41 @@ def test_a_body_with_other_parts_is_refused_and_the_old_ones_stay():
     uneven = gymnasium.make_vec(ID, 2, body=bodies)
     with pytest.raises(BodyError, match="equally many"):
         vector.FixedBodyView(uneven)
+
+
+@pytest.mark.parametrize("step", [0, 1])
+def test_a_masked_reset_leaves_a_damaged_robot_as_it_is(step):
+    envs = vector.FixedBodyView(make_vec())
+    lost = Damage(step, [(0, 0), (1, 0), (2, 2)])  # of the first body a sensor and two wheels
+    values, _ = envs.reset(seed=0, options={"damage": [lost, None, None]})
+    assert values[0, 0] == 0.0 if step == 0 else values[0, 0] > 0.0
+    values, *_ = envs.step(np.ones((3, 3)))
+    assert values[0, 0] == 0.0
+    assert np.all(values[0, 1:] > 0.0)
+    assert np.all(values[1:] > 0.0)
+    damaged = vector.bodies_of(envs)
+    pose = envs.unwrapped.scene(0).pose
+    mask = np.array([False, True, False])
+    kept, _ = envs.reset(options={"reset_mask": mask})
+    assert kept[[0, 2]].tolist() == values[[0, 2]].tolist()
+    with pytest.raises(BodyError, match="environment 1"):
+        envs.reset(options={"reset_mask": mask, "body": ["LLT", "W.W", "##W"]})
+    assert vector.bodies_of(envs).tolist() == damaged.tolist()
+    assert envs.unwrapped.scene(0).pose == pose
+    values, _ = envs.reset(seed=0)
+    assert np.all(values > 0.0)
+    whole = np.stack([_grid(body) for body in BODIES])
+    assert vector.bodies_of(envs).tolist() == whole.tolist()
+
+
+def test_masked_resets_of_single_environments():
+    envs = vector.FixedBodyView(make_vec(batched=False))
+    envs.reset(seed=0, options={"damage": Damage(0, [(0, 0), (1, 0)])})
+    mask = np.array([False, True, True])
+    with pytest.raises(BodyError, match="environment 1"):
+        envs.reset(options={"reset_mask": mask, "body": ["LLT", "W.W", "##W"]})
+    expected = [[".#T", "..W", "##W"], *BODIES[1:]]
+    assert vector.bodies_of(envs).tolist() == [_grid(body).tolist() for body in expected]
 
 
 def test_body_conditioned_view_shows_each_body():
