@@ -42,36 +42,44 @@ class SensorContrast:
     together; on the raw values a policy learns nothing but their common level.
 
     Args:
-        bodies: cell codes, ``(n, n)``, or ``(N, n, n)`` with equally many sensors each.
+        bodies: cell codes of the whole bodies, ``(n, n)``, or ``(N, n, n)`` with equally many
+            sensors each.
         contrast: factor of the differences.
         change: factor of the changes.
     """
 
     def __init__(self, bodies: NDArray[np.int8], contrast: float, change: float) -> None:
-        mask = sensor_mask(bodies)
+        self._mask = mask = sensor_mask(bodies)
         sensors = int(mask.reshape(-1, mask.shape[-1] ** 2).sum(axis=1)[0])
         codes = bodies[mask].reshape(*bodies.shape[:-2], sensors)
         kinds = [int(cell) for cell in SENSOR_CELLS if (codes == int(cell)).any()]
         self._belongs = (codes[..., None] == np.array(kinds)).astype(np.float32)
-        counts = self._belongs.sum(axis=-2, keepdims=True)
-        self._weights = self._belongs / np.maximum(counts, 1.0)
         self._contrast, self._change = np.float32(contrast), np.float32(change)
         self.size = 2 * sensors + len(kinds)
         """Length of the result: a difference and a change for each sensor, a mean for each kind."""
 
     def __call__(
-        self, values: NDArray[np.float32], previous: NDArray[np.float32]
+        self,
+        values: NDArray[np.float32],
+        previous: NDArray[np.float32],
+        bodies: NDArray[np.int8],
     ) -> NDArray[np.float32]:
         """Differences from the mean of each kind, those means, and changes, ``(..., size)``.
+
+        Lost sensors have no part in the means; their own differences and changes are 0.
 
         Args:
             values: sensor values, ``(..., sensors)``.
             previous: those of the step before; the same at the start of an episode.
+            bodies: present bodies, shaped as the whole ones.
         """
-        means = np.einsum("...s,...sk->...k", values, self._weights)
-        own = np.einsum("...k,...sk->...s", means, self._belongs)
-        differences = self._contrast * (values - own)
-        changes = self._change * (values - previous)
+        present = sensor_mask(bodies)[self._mask].reshape(values.shape)
+        belongs = self._belongs * present[..., None]
+        weights = belongs / np.maximum(belongs.sum(axis=-2, keepdims=True), 1.0)
+        means = np.einsum("...s,...sk->...k", values, weights)
+        own = np.einsum("...k,...sk->...s", means, belongs)
+        differences = self._contrast * present * (values - own)
+        changes = self._change * present * (values - previous)
         return np.concatenate([differences, means, changes], axis=-1, dtype=np.float32)
 
 

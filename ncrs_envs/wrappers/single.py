@@ -41,7 +41,8 @@ class FixedBodyView(_VectorView, RecordConstructorArgs):
     """One body's sensors and wheels as vectors, in row order.
 
     Observations are ``Box(0, 1, (sensors,), float32)``, actions ``Box(-1, 1, (wheels,), float32)``.
-    A reset may move the parts, but not change their numbers.
+    A reset may move the parts, but not change their numbers. Lost ones keep their places: a lost
+    sensor reads 0, the gas of a lost wheel is ignored.
 
     Args:
         env: Environment of this suite.
@@ -50,7 +51,7 @@ class FixedBodyView(_VectorView, RecordConstructorArgs):
     def __init__(self, env: _GridEnv) -> None:
         RecordConstructorArgs.__init__(self)
         gymnasium.Wrapper.__init__(self, env)
-        self._set_body(env.get_wrapper_attr("body"))
+        self._set_body(env.get_wrapper_attr("whole_body"))
         sensors, wheels = self._counts
         self.observation_space = gymnasium.spaces.Box(0.0, 1.0, (sensors,), np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (wheels,), np.float32)
@@ -81,7 +82,7 @@ class FixedBodyView(_VectorView, RecordConstructorArgs):
                     "it, or use BodyConditionedView."
                 )
         observation, info = self.env.reset(seed=seed, options=options)
-        self._set_body(info["body"])
+        self._set_body(self.env.get_wrapper_attr("whole_body"))
         return observation[self._sensors], info
 
     def step(self, action: Grid) -> tuple[Grid, float, bool, bool, dict[str, Any]]:
@@ -124,6 +125,7 @@ class SensorDifferences(_VectorView, RecordConstructorArgs):
 
     Observations are, float32: for each sensor its difference from the mean of its kind, times
     ``contrast``; the mean of each kind; for each sensor its change over the step, times ``change``.
+    Lost sensors have no part in the means; their own differences and changes are 0.
 
     Args:
         env: one of this suite's environments in a ``FixedBodyView``.
@@ -138,8 +140,9 @@ class SensorDifferences(_VectorView, RecordConstructorArgs):
         RecordConstructorArgs.__init__(self, contrast=contrast, change=change)
         gymnasium.Wrapper.__init__(self, env)
         self._scales = contrast, change
-        self._set_body(env.get_wrapper_attr("body"))
-        sensors = int(sensor_mask(env.get_wrapper_attr("body")).sum())
+        body = env.get_wrapper_attr("whole_body")
+        self._set_body(body)
+        sensors = int(sensor_mask(body).sum())
         require_vectors(env.observation_space, "SensorDifferences", sensors, "sensor")
         self._previous = np.zeros(sensors, dtype=np.float32)
         self.observation_space = gymnasium.spaces.Box(
@@ -149,19 +152,24 @@ class SensorDifferences(_VectorView, RecordConstructorArgs):
     def _set_body(self, body: BodyGrid) -> None:
         self._contrast = SensorContrast(body, *self._scales)
 
+    @property
+    def _body(self) -> BodyGrid:
+        body: BodyGrid = self.env.get_wrapper_attr("body")
+        return body
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Grid, dict[str, Any]]:
         """Start an episode; changes are 0 at first."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._set_body(info["body"])
+        self._set_body(self.env.get_wrapper_attr("whole_body"))
         self._previous = observation
-        return self._contrast(observation, observation), info
+        return self._contrast(observation, observation, self._body), info
 
     def step(self, action: Grid) -> tuple[Grid, float, bool, bool, dict[str, Any]]:
         """Advance one control step."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        seen = self._contrast(observation, self._previous)
+        seen = self._contrast(observation, self._previous, self._body)
         self._previous = observation
         return seen, float(reward), terminated, truncated, info
 
@@ -214,7 +222,7 @@ class DifferentialDrive(_ActionView, RecordConstructorArgs):
     def __init__(self, env: _GridEnv) -> None:
         RecordConstructorArgs.__init__(self)
         gymnasium.ActionWrapper.__init__(self, env)
-        wheels = int(wheel_mask(env.get_wrapper_attr("body")).sum())
+        wheels = int(wheel_mask(env.get_wrapper_attr("whole_body")).sum())
         require_vectors(env.action_space, "DifferentialDrive", wheels, "wheel")
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
 
@@ -225,5 +233,5 @@ class DifferentialDrive(_ActionView, RecordConstructorArgs):
             ActionError: wrong shape, or values that are not finite.
         """
         pair = check_action(action, (2,), "the gas of the left and of the right side")
-        gas: Grid = sides(self.env.get_wrapper_attr("body")) @ pair
+        gas: Grid = sides(self.env.get_wrapper_attr("whole_body")) @ pair
         return gas

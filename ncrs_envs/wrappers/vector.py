@@ -97,6 +97,12 @@ def _of_final(infos: dict[str, Any], change: Any) -> None:
             final[env] = change(env, final[env])
 
 
+def _final_body(infos: dict[str, Any], env: int) -> NDArray[np.int8]:
+    """Body at the end of an episode that has ended in this step, a copy."""
+    body: NDArray[np.int8] = infos["final_info"]["body"][env].copy()
+    return body
+
+
 class FixedBodyView(_View):
     """Sensors and wheels of bodies as vectors, in row order.
 
@@ -203,14 +209,13 @@ class BodyConditionedView(_View):
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Start episodes; options as in the environments."""
         grids, infos = super().reset(seed=seed, options=options)
-        self._bodies = bodies_of(self.env)
-        return {"sensors": grids, "body": self._bodies.copy()}, infos
+        return {"sensors": grids, "body": bodies_of(self.env)}, infos
 
     def step(self, actions: Values) -> Step:
         """Advance one control step with gas per cell, shape ``(N, n, n)``."""
         grids, rewards, terminated, truncated, infos = self.env.step(actions)
-        _of_final(infos, lambda env, grid: {"sensors": grid, "body": self._bodies[env].copy()})
-        seen = {"sensors": grids, "body": self._bodies.copy()}
+        _of_final(infos, lambda env, grid: {"sensors": grid, "body": _final_body(infos, env)})
+        seen = {"sensors": grids, "body": bodies_of(self.env)}
         return seen, rewards, terminated, truncated, infos
 
 
@@ -229,7 +234,7 @@ class SensorDifferences(_View):
     def __init__(self, envs: _Envs, contrast: float = CONTRAST, change: float = CHANGE) -> None:
         super().__init__(envs)
         self._scales = contrast, change
-        bodies = bodies_of(envs)
+        bodies = whole_bodies_of(envs)
         sensors = int(_counts(bodies)[0, 0])
         require_vectors(envs.single_observation_space, "SensorDifferences", sensors, "sensor")
         self._contrast = SensorContrast(bodies, *self._scales)
@@ -243,30 +248,33 @@ class SensorDifferences(_View):
     ) -> tuple[Values, dict[str, Any]]:
         """Start episodes; changes are 0 at first."""
         values, infos = super().reset(seed=seed, options=options)
-        self._contrast = SensorContrast(bodies_of(self.env), *self._scales)
+        self._contrast = SensorContrast(whole_bodies_of(self.env), *self._scales)
         mask = _is_reset(options, self.num_envs)
         self._previous = np.where(mask[:, None], values, self._previous)
-        return self._contrast(values, self._previous), infos
+        return self._contrast(values, self._previous, bodies_of(self.env)), infos
 
     def step(self, actions: Any) -> Step:
         """Advance one control step."""
         values, rewards, terminated, truncated, infos = self.env.step(actions)
         before = self._previous
-        self._contrast_final(infos, before)
+        bodies = bodies_of(self.env)
+        self._contrast_final(infos, before, bodies)
         begun = self._begun(terminated, truncated)
-        seen = self._contrast(values, np.where(begun[:, None], values, before))
+        seen = self._contrast(values, np.where(begun[:, None], values, before), bodies)
         self._previous = values
         return seen, rewards, terminated, truncated, infos
 
-    def _contrast_final(self, infos: dict[str, Any], before: Values) -> None:
+    def _contrast_final(
+        self, infos: dict[str, Any], before: Values, bodies: NDArray[np.int8]
+    ) -> None:
         final = infos.get("final_obs")
         if final is None:
             return
-        last = before.copy()
-        ended = np.flatnonzero(infos["_final_obs"])
+        last, bodies = before.copy(), bodies.copy()
+        ended = np.flatnonzero(infos["_final_obs"]).tolist()
         for env in ended:
-            last[env] = final[env]
-        seen = self._contrast(last, before)
+            last[env], bodies[env] = final[env], _final_body(infos, env)
+        seen = self._contrast(last, before, bodies)
         for env in ended:
             final[env] = seen[env]
 
@@ -327,7 +335,7 @@ class DifferentialDrive(_View):
 
     def __init__(self, envs: _Envs) -> None:
         super().__init__(envs)
-        bodies = bodies_of(envs)
+        bodies = whole_bodies_of(envs)
         wheels = int(_counts(bodies)[0, 1])
         require_vectors(envs.single_action_space, "DifferentialDrive", wheels, "wheel")
         self._sides = sides(bodies)
@@ -338,7 +346,7 @@ class DifferentialDrive(_View):
     ) -> tuple[Any, dict[str, Any]]:
         """Start episodes; options as in the environments."""
         observations, infos = super().reset(seed=seed, options=options)
-        self._sides = sides(bodies_of(self.env))
+        self._sides = sides(whole_bodies_of(self.env))
         return observations, infos
 
     def step(self, actions: Values) -> Step:

@@ -158,6 +158,48 @@ def test_body_conditioned_view_shows_each_body():
     assert infos["final_obs"][1]["sensors"].shape == (3, 3)
 
 
+@pytest.mark.parametrize("batched", [True, False])
+@pytest.mark.parametrize("mode", MODES)
+def test_body_conditioned_view_shows_what_damage_leaves(mode, batched):
+    envs = vector.BodyConditionedView(make_vec(mode, batched, max_episode_steps=2))
+    whole = [_grid(body).tolist() for body in BODIES]
+    damage = Damage(1, [(0, 0)])
+    left = [damage.left(_grid(body)).tolist() for body in BODIES]
+    observations, _ = envs.reset(seed=0, options={"damage": damage})
+    assert observations["body"].tolist() == whole
+    actions = np.zeros((3, 3, 3), dtype=np.float32)
+    assert envs.step(actions)[0]["body"].tolist() == left
+    observations, *_, infos = envs.step(actions)
+    if mode == "SameStep":
+        assert [final["body"].tolist() for final in infos["final_obs"]] == left
+    else:
+        assert observations["body"].tolist() == left
+        observations, *_ = envs.step(actions)
+    assert observations["body"].tolist() == whole
+
+
+@pytest.mark.parametrize("batched", [True, False])
+@pytest.mark.parametrize("step", [0, 1])
+def test_lost_cells_keep_their_places_in_all_aids(step, batched):
+    envs = wrapped(vector, make_vec("SameStep", batched, max_episode_steps=3))
+    singles = [wrapped(single, gymnasium.make(ID, body=body)) for body in BODIES]
+    options = {"damage": Damage(step, [(0, 0)])}  # a light sensor, a wheel, a target sensor
+    observations, _ = envs.reset(seed=7, options=options)
+    expected = [env.reset(seed=7 + i, options=options)[0] for i, env in enumerate(singles)]
+    np.testing.assert_allclose(observations, expected, atol=1e-4)
+    actions = np.array([[1, -1], [0.5, 1], [-1, 0.3]], dtype=np.float32)
+    for _ in range(3):
+        observations, _, _, truncated, infos = envs.step(actions)
+        steps = [env.step(action) for env, action in zip(singles, actions, strict=True)]
+        seen = np.stack(infos["final_obs"]) if truncated.all() else observations
+        np.testing.assert_allclose(seen, [step[0] for step in steps], atol=2e-2)
+        means, changes = seen[:, 2:4], seen[:, 4:]
+        assert (means == 0.0).tolist() == [[True, False], [False, False], [False, True]]
+        assert (changes == 0.0).tolist() == [[True, False], [False, False], [True, False]]
+    assert truncated.all()
+    assert np.all(observations[:, 2:4] > 0.0)  # a new episode: all robots are whole
+
+
 def test_views_need_vectors():
     with pytest.raises(ViewError, match="FixedBodyView first"):
         vector.SensorDifferences(make_vec())
@@ -168,11 +210,20 @@ def test_views_need_vectors():
 
 
 def test_contrast_by_hand():
-    contrast = SensorContrast(_grid(["L#L", "T.W", "..W"]), 10.0, 100.0)
+    body = _grid(["L#L", "T.W", "..W"])
+    contrast = SensorContrast(body, 10.0, 100.0)
     values = np.array([0.5, 0.3, 0.7], dtype=np.float32)
-    result = contrast(values, np.array([0.5, 0.2, 0.8], dtype=np.float32))
+    result = contrast(values, np.array([0.5, 0.2, 0.8], dtype=np.float32), body)
     np.testing.assert_allclose(result, [1, -1, 0, 0.4, 0.7, 0, 10, -10], atol=1e-5)
     assert contrast.size == 8
+
+
+def test_contrast_by_hand_without_a_lost_sensor():
+    contrast = SensorContrast(_grid(["LLL", "T.W", "..W"]), 10.0, 100.0)
+    values = np.array([0.0, 0.5, 0.3, 0.7], dtype=np.float32)
+    previous = np.array([0.5, 0.5, 0.2, 0.8], dtype=np.float32)
+    result = contrast(values, previous, _grid([".LL", "T.W", "..W"]))
+    np.testing.assert_allclose(result, [0, 1, -1, 0, 0.4, 0.7, 0, 0, 10, -10], atol=1e-5)
 
 
 def test_sides_by_hand():

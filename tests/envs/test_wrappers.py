@@ -7,7 +7,8 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 import ncrs_envs
-from ncrs_envs import ActionError, BodyConditionedView, BodyError, FixedBodyView
+from ncrs_envs import ActionError, BodyConditionedView, BodyError, Damage, FixedBodyView
+from ncrs_envs.wrappers import DifferentialDrive, SensorDifferences
 
 BODY = ["L#T", "W.W", "##W"]
 MOVED = ["W#W", "L.T", "##W"]
@@ -47,6 +48,39 @@ def test_parts_may_move_but_not_change_in_number():
     for _ in range(3):
         vector, *_, info = view.step(np.zeros(3))
         assert np.all(vector > 0)
+
+
+@pytest.mark.parametrize("step", [0, 1])
+def test_lost_parts_keep_their_places(step):
+    plain = gymnasium.make(ID, body=BODY)
+    view = _view(FixedBodyView)
+    options = {"damage": Damage(step, [(0, 0), (1, 0)])}  # a sensor and a wheel
+    plain.reset(seed=4, options=options)
+    vector, _ = view.reset(seed=4, options=options)
+    assert vector in view.observation_space
+    assert (vector > 0).tolist() == [step > 0, True]
+    action = np.array([[0, 0, 0], [0.9, 0, -0.4], [0, 0, 0.2]], dtype=np.float32)
+    for _ in range(5):
+        grid, *_ = plain.step(action)
+        vector, *_ = view.step(np.array([0.9, -0.4, 0.2]))
+        assert vector.tolist() == [0.0, grid[0, 2]]
+    vector, _ = view.reset(seed=4)
+    assert np.all(vector > 0)
+
+
+@pytest.mark.parametrize("step", [0, 1])
+def test_aids_are_of_the_whole_body(step):
+    env = DifferentialDrive(SensorDifferences(FixedBodyView(gymnasium.make(ID, body=LARGER))))
+    env.reset(seed=4, options={"damage": Damage(step, [(0, 0), (1, 0)])})
+    env.step(np.array([0.9, -0.4]))
+    again = DifferentialDrive(SensorDifferences(FixedBodyView(env.unwrapped)))  # while damaged
+    assert again.observation_space == env.observation_space
+    assert env.action(np.array([0.9, -0.4])).tolist() == pytest.approx([0.9, -0.4, -0.4])
+    seen, *_ = env.step(np.array([0.9, -0.4]))
+    values = env.unwrapped.scene.sensor_values
+    expected = [0.0, 0.0, 0.0, values[0, 1], values[0, 2], 0.0]
+    np.testing.assert_allclose(seen[:6], expected, atol=1e-6)
+    assert np.all(seen[6:] != 0.0)
 
 
 @pytest.mark.parametrize("action", [np.zeros(2), np.zeros((3, 3)), [0.0, np.nan, 0.0]])
