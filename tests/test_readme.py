@@ -98,7 +98,14 @@ def _as_script(cell: str) -> str:
     return re.sub(r"^( *)[%!].*$", r"\1pass", cell, flags=re.MULTILINE)
 
 
-@pytest.mark.parametrize("name", EXPECTED)
+# The site's build runs the notebook.
+LONG = ("training.md", "extending.md", "tutorials/by_hand.md")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in EXPECTED],
+)
 def test_python_blocks_run_one_after_another(name, tmp_path):
     document = README if name == README.name else DOCS / name
     expected = EXPECTED[name]

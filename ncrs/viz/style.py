@@ -116,6 +116,7 @@ class Plot:
         folder.mkdir(parents=True, exist_ok=True)
         paths = [folder / f"{self.name}.{kind}" for kind in ("png", "svg", "csv")]
         _write(paths[0], self._drawn("png", {"Software": None}))
+        self.figure.set_layout_engine("none")  # found once, which takes most of the time
         _write(paths[1], self._drawn("svg", {"Date": None}))
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")

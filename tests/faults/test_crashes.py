@@ -11,7 +11,7 @@ import pytest
 from tests.faults.harness import COMMANDS
 
 ROOT = Path(__file__).parents[2]
-QUICK = {"train sep_cma_es": 300}
+QUICK = {"train sep_cma_es": 600}
 """Commands of the quick tests, and of how many of their operations one is tried."""
 
 pytestmark = pytest.mark.skipif(
