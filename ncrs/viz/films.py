@@ -99,6 +99,8 @@ def _heading(robot: EvolvedRobot) -> list[str]:
 
 
 def _levels(name: str, values: NDArray[np.floating]) -> str:
+    if not len(values):  # all of them were lost
+        return f"no {name}"
     return f"{name} {values.min():.2f} to {values.max():.2f}"
 
 

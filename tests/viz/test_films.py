@@ -8,7 +8,7 @@ from PIL import Image
 from ncrs.cli import main
 from ncrs.runs.elites import load_archive
 from ncrs.runs.sources import load_robot
-from ncrs.viz import film_files
+from ncrs.viz import film_files, films
 from ncrs.viz.errors import VizError
 from ncrs.viz.films import FilmSize, channel_picture, growth_frames, save_film, timed_frames
 from ncrs.viz.options import FilmOptions
@@ -137,3 +137,8 @@ def test_a_film_that_fails_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(VizError, match=r"\.mp4 or \.gif"):
         film_files.open_writers([tmp_path / "a.avi"], (360, 240), 25)
+
+
+def test_a_robot_that_lost_its_sensors_can_be_filmed():
+    assert films._levels("sensors", np.zeros(0)) == "no sensors"
+    assert films._levels("gas", np.array([0.5, 1.0])) == "gas 0.50 to 1.00"
