@@ -20,14 +20,11 @@ GivenBodies = NDArray[np.int8] | None
 """A body for each genome, ``(P, n, n)``, instead of the one it grows; None to grow them."""
 
 
-def check_scenario_rows(
-    scenarios: Sequence[Scenario] | ScenarioRows, settings: TaskSettings, population: int
-) -> ScenarioRows:
-    """Return one row of scenarios, or one per genome.
+def scenario_rows(scenarios: Sequence[Scenario] | ScenarioRows, population: int) -> ScenarioRows:
+    """Return one row of scenarios, or one per genome, which may not fit the task.
 
     Raises:
-        ScenarioError: There are no scenarios, their rows differ in length, or one does not fit the
-            task.
+        ScenarioError: There are no scenarios, or their rows differ in length.
     """
     rows: list[Any] = [scenarios] if _is_row(scenarios) else list(scenarios)
     if not rows or not all(_is_row(row) for row in rows):
@@ -43,6 +40,19 @@ def check_scenario_rows(
     lengths = sorted({len(row) for row in checked})
     if len(lengths) > 1:
         raise ScenarioError(f"Every genome needs equally many scenarios, got {lengths}.")
+    return checked
+
+
+def check_scenario_rows(
+    scenarios: Sequence[Scenario] | ScenarioRows, settings: TaskSettings, population: int
+) -> ScenarioRows:
+    """Return one row of scenarios, or one per genome.
+
+    Raises:
+        ScenarioError: There are no scenarios, their rows differ in length, or one does not fit the
+            task.
+    """
+    checked = scenario_rows(scenarios, population)
     for row in checked:
         for scenario in row:
             scenario.check(settings.task, settings.grid_size)

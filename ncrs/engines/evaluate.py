@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ncrs.automaton.channels import nca_layout
-from ncrs.engines.arguments import ScenarioRows, check_scenario_rows
+from ncrs.engines.arguments import ScenarioRows, scenario_rows
 from ncrs.engines.base import AUTO_ENGINE, Evaluation, make_engine, resolve_engine
 from ncrs_envs.body import DEFAULT_GRID_SIZE, HULL_DENSITY
 from ncrs_envs.mirroring import ScenarioSampling
@@ -84,7 +84,7 @@ def evaluate(  # noqa: PLR0913 - the public call, keywords only
         sampling = ScenarioSampling(perturbations=perturbations)
         scenarios = sampling.draw(settings.task, seed, episodes, settings.grid_size)
     else:
-        scenarios = check_scenario_rows(scenarios, settings, len(checked))
+        scenarios = scenario_rows(scenarios, len(checked))
     engine = resolve_engine(engine, settings, are_perturbed(scenarios))
     if workers is None and len(checked) < _WORTH_WORKERS and engine == "box2d":
         workers = 1
