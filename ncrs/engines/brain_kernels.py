@@ -20,10 +20,9 @@ from ncrs.engines.nca_kernels import (
     IntArray,
     Network,
     control_constants,
-    growth_step,
+    grow_on,
     link_cells,
     make_cell_update,
-    read_grown,
 )
 from ncrs.engines.rollout_kernels import cell_indices
 from ncrs_envs.batched.compiler import kernel
@@ -121,17 +120,9 @@ def regrow(
         grown: Output, same shape; the body that stood if a state turned non-finite, or if nothing
             is left.
     """
-    n = body.shape[0]
-    channels = FIRST_PART_CHANNEL + part_codes.shape[0] + CHANGING_CHANNELS
-    graph = link_cells(np.ones((n, n), dtype=np.int8), channels, 0)
-    states = standing_lanes(body, part_codes)
-    updated = np.empty_like(states)
     grown[:] = body
-    for _ in range(steps):
-        if not growth_step(network, graph, channels, states, updated):
-            return False
-        states, updated = updated, states
-    read_grown(states, part_codes, grown)
+    if not grow_on(network, part_codes, steps, standing_lanes(body, part_codes), grown):
+        return False
     for place in range(grown.size):
         if grown.flat[place] != _EMPTY:
             return True

@@ -296,12 +296,22 @@ def grow_body(
         steps: Number of growth steps.
         body: Output, cell codes, shape ``(n, n)``; empty if a state turned non-finite.
     """
-    n = body.shape[0]
-    channels = FIRST_PART_CHANNEL + part_codes.shape[0] + CHANGING_CHANNELS
-    graph = link_cells(np.ones((n, n), dtype=np.int8), channels, 0)
-    states = seed_lanes(n)
-    updated = np.empty_like(states)
     body[:] = _EMPTY
+    return grow_on(network, part_codes, steps, seed_lanes(body.shape[0]), body)
+
+
+@kernel
+def grow_on(
+    network: Network,
+    part_codes: NDArray[np.int8],
+    steps: int,
+    states: FloatArray,
+    body: NDArray[np.int8],
+) -> bool:
+    """Grow a body from states as ``grow_body`` does; leave it as it was if one is not finite."""
+    channels = FIRST_PART_CHANNEL + part_codes.shape[0] + CHANGING_CHANNELS
+    graph = link_cells(np.ones((body.shape[0], body.shape[0]), dtype=np.int8), channels, 0)
+    updated = np.empty_like(states)
     for _ in range(steps):
         if not growth_step(network, graph, channels, states, updated):
             return False

@@ -27,6 +27,7 @@ from ncrs.engines.rollout_kernels import (
     Workspace,
     is_finite,
     read_wheels,
+    record_progress,
     write_sensors,
 )
 from ncrs_envs.batched.compiler import kernel
@@ -153,12 +154,7 @@ def roll_out_perturbed(
             )
             fitness = _drive(worlds, trial, bodies, networks, buffers)
             outcomes.episode_fitness[genome, episode] = fitness
-            outcomes.success[genome, episode] = state.success
-            outcomes.crossed[genome, episode] = state.crossed
-            closest = outcomes.closest[genome, episode]
-            closest[0] = state.closest_goal
-            if len(closest) > 1:
-                closest[1] = state.closest_target
+            record_progress(outcomes, genome, episode, state)
             perturbed.recovered[genome, episode] = _recovered(bodies)
 
 

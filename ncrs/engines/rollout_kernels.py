@@ -218,13 +218,18 @@ def _roll_out_genome(
         fitness[episode] /= rollout.steps
         if not is_finite(current, episode):
             fitness[episode] = np.nan
-        state: State = states[episode]
-        outcomes.success[genome, episode] = state.success
-        outcomes.crossed[genome, episode] = state.crossed
-        closest = outcomes.closest[genome, episode]
-        closest[0] = state.closest_goal
-        if len(closest) > 1:
-            closest[1] = state.closest_target
+        record_progress(outcomes, genome, episode, states[episode])
+
+
+@kernel
+def record_progress(outcomes: Outcomes, genome: int, episode: int, state: State) -> None:
+    """Write success, crossing and closest approaches of an episode that is over."""
+    outcomes.success[genome, episode] = state.success
+    outcomes.crossed[genome, episode] = state.crossed
+    closest = outcomes.closest[genome, episode]
+    closest[0] = state.closest_goal
+    if len(closest) > 1:
+        closest[1] = state.closest_target
 
 
 @kernel
