@@ -2,13 +2,15 @@
 
 An extension is a module that registers something when it is imported. Extensions are found as entry
 points of the group ``ncrs_extensions``, and by name in the environment variable
-``NCRS_EXTENSIONS``, separated by commas; they are imported when a name is first looked up.
+``NCRS_EXTENSIONS``, separated by commas, which may lie in the current folder; they are imported
+when a name is first looked up.
 """
 
 from __future__ import annotations
 
 import importlib
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from importlib import metadata
 from typing import Any, TypeVar
@@ -98,12 +100,14 @@ def load_extensions() -> None:
     for name in filter(None, map(str.strip, os.environ.get(VARIABLE, "").split(","))):
         if name not in _requested:
             _requested.add(name)
+            if (here := os.getcwd()) not in sys.path:  # as for `python -m`, but not for scripts
+                sys.path.append(here)
             try:
                 importlib.import_module(name)
             except ImportError as error:
                 raise ExtensionError(
                     f"{VARIABLE} names the module {name!r}, which cannot be imported: {error}. Put "
-                    "its folder into PYTHONPATH, or install it."
+                    "it into the current folder or one in PYTHONPATH, or install it."
                 ) from error
 
 

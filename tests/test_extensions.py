@@ -58,10 +58,11 @@ TINY = [
 ]  # fmt: skip
 
 
-def train(folder, *arguments, **environment):
-    command = [sys.executable, "train.py", *TINY, f"hydra.run.dir={folder}/run", *arguments]
+def train(folder, *arguments, here=ROOT, **environment):
+    program = str(ROOT / "train.py")
+    command = [sys.executable, program, *TINY, f"hydra.run.dir={folder}/run", *arguments]
     return subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, **environment}
+        command, cwd=here, capture_output=True, text=True, env={**os.environ, **environment}
     )
 
 
@@ -94,10 +95,13 @@ def test_a_module_that_is_missing_is_named(monkeypatch):
         load_extensions()
 
 
-def test_a_module_named_in_the_environment_is_found(tmp_path):
-    (tmp_path / "lab_tasks.py").write_text(textwrap.dedent(MODULE))
-    named = {"PYTHONPATH": str(tmp_path), "NCRS_EXTENSIONS": "lab_tasks"}
-    unknown = train(tmp_path, "optimizer=yours", **named)
+@pytest.mark.parametrize("folder", [".", "elsewhere"])
+def test_a_module_named_in_the_environment_is_found(folder, tmp_path):
+    module = tmp_path / folder / "lab_tasks.py"
+    module.parent.mkdir(exist_ok=True)
+    module.write_text(textwrap.dedent(MODULE))
+    named = {"PYTHONPATH": str(tmp_path / "elsewhere"), "NCRS_EXTENSIONS": "lab_tasks"}
+    unknown = train(tmp_path, "optimizer=yours", here=tmp_path, **named)
     assert unknown.returncode == 2
     assert (
         "choose one of cma_es, cma_mae, cma_me, drafts, iso_cma_es, map_elites, mine"
