@@ -1,7 +1,7 @@
 """Gymnasium environments in which modular robots chase a light or carry a ball.
 
-Importing this package registers ``NCRS-LightChase-v0``, ``NCRS-Obstacle-v0`` and
-``NCRS-CarryBall-v0``. It loads neither torch nor Box2D nor pygame.
+Importing this package registers ``NCRS-LightChase-v0``, ``NCRS-Obstacle-v0``,
+``NCRS-CarryBall-v0`` and ``NCRS-ObstacleTouch-v0``. It loads neither torch nor Box2D nor pygame.
 """
 
 from ncrs_envs.body import (

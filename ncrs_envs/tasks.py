@@ -230,6 +230,7 @@ OBSTACLE_TOUCH = Task(
 PAPER_TASKS = (LIGHT_CHASE, OBSTACLE, CARRY_BALL)
 BUILT_IN = (*PAPER_TASKS, OBSTACLE_TOUCH)
 TASKS: Registry[Task] = Registry("task", {task.name: task for task in BUILT_IN})
+"""Every task by its name; those of extensions are found when a name is looked up."""
 
 
 def get_task(task: str | Task) -> Task:

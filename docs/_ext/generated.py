@@ -12,6 +12,7 @@ from typing import Any
 
 from command_lines import command_line, commands
 from environment_pages import environment
+from error_list import errors
 from repository_files import document
 from settings_tables import (
     engine_settings,
@@ -27,6 +28,7 @@ MAKERS: Mapping[str, Callable[..., str]] = {
     "command_line": command_line,
     "document": document,
     "environment": environment,
+    "errors": errors,
     "engine_settings": engine_settings,
     "optimizer_settings": optimizer_settings,
     "perturbation_settings": perturbation_settings,

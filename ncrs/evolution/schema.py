@@ -10,7 +10,7 @@ import numpy as np
 from ncrs_envs.errors import NCRSError
 
 
-class StateError(NCRSError, ValueError):
+class StoredStateError(NCRSError, ValueError):
     """A stored state that lacks a member, has a foreign one, or one that is malformed."""
 
 
@@ -24,18 +24,18 @@ def check_names(state: Any, needed: Collection[str], path: str, allowed: Collect
         allowed: Further names that it may have.
 
     Raises:
-        StateError: If it is no mapping, lacks a name, or has another one.
+        StoredStateError: If it is no mapping, lacks a name, or has another one.
     """
     if not isinstance(state, Mapping):
-        raise StateError(f"{path} must be a mapping, got {type(state).__name__}.")
+        raise StoredStateError(f"{path} must be a mapping, got {type(state).__name__}.")
     missing = sorted(set(needed) - set(state))
     if missing:
-        raise StateError(
+        raise StoredStateError(
             f"{path} lacks {', '.join(missing)}: it is incomplete, or another version wrote it."
         )
     foreign = sorted(set(state) - set(needed) - set(allowed))
     if foreign:
-        raise StateError(
+        raise StoredStateError(
             f"{path} has {', '.join(foreign)}, which this version does not know; use the version "
             "that wrote it."
         )
@@ -51,18 +51,18 @@ def check_like(value: Any, reference: Any, path: str, *, may_be_infinite: bool =
         may_be_infinite: Allow infinity; never NaN.
 
     Raises:
-        StateError: If it differs in kind, dtype or shape, or is not finite.
+        StoredStateError: If it differs in kind, dtype or shape, or is not finite.
     """
     if isinstance(reference, np.ndarray):
         if not isinstance(value, np.ndarray):
-            raise StateError(f"{path} must be an array, got {type(value).__name__}.")
+            raise StoredStateError(f"{path} must be an array, got {type(value).__name__}.")
         if (value.dtype, value.shape) != (reference.dtype, reference.shape):
-            raise StateError(
+            raise StoredStateError(
                 f"{path} must be {reference.dtype} of shape {reference.shape}, got {value.dtype} "
                 f"of shape {value.shape}."
             )
     elif reference is not None and _kind(value) != _kind(reference):
-        raise StateError(f"{path} must be {_kind(reference)}, got {value!r:.80}.")
+        raise StoredStateError(f"{path} must be {_kind(reference)}, got {value!r:.80}.")
     _check_finite(value, path, may_be_infinite)
 
 
@@ -85,6 +85,6 @@ def _check_finite(value: Any, path: str, may_be_infinite: bool) -> None:
         return
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":
-        raise StateError(f"{path} must hold numbers, got {value!r:.80}.")
+        raise StoredStateError(f"{path} must hold numbers, got {value!r:.80}.")
     if np.isnan(array).any() or (not may_be_infinite and np.isinf(array).any()):
-        raise StateError(f"{path} has values that are not finite.")
+        raise StoredStateError(f"{path} has values that are not finite.")

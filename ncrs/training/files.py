@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from ncrs.evolution.schema import StateError, check_names
+from ncrs.evolution.schema import StoredStateError, check_names
 from ncrs.runs.champion import CHAMPION_FILE
 from ncrs.runs.checkpoint import CHECKPOINT_FOLDER, CheckpointError, CheckpointFolder
 from ncrs.runs.elites import ARCHIVE_FILE
@@ -99,7 +99,7 @@ class RunFiles:
         try:
             check_names(checkpoint, needed, "The checkpoint", ())
             return self._loaded(checkpoint)
-        except (StateError, KeyError, TypeError) as error:
+        except (StoredStateError, KeyError, TypeError) as error:
             raise CheckpointError(
                 f"The newest checkpoint in {self._checkpoints.folder} is not one of this version: "
                 f"{error}"

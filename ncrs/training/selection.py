@@ -74,7 +74,7 @@ class ChampionSelection:
         return {"objective": float(self._best), "champion": champion}
 
     def load_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from a ``state``; raise ``StateError`` if it is incomplete or malformed."""
+        """Continue from a ``state``; raise ``StoredStateError`` if it is incomplete or foreign."""
         check_names(state, ("objective", "champion"), "The selection's state", ())
         check_like(state["objective"], 0.0, "objective", may_be_infinite=True)
         self._best = state["objective"]

@@ -62,7 +62,7 @@ class RunState:
         """Build the counters from their ``state``.
 
         Raises:
-            StateError: If a counter is missing, foreign or malformed.
+            StoredStateError: If a counter is missing, foreign or malformed.
         """
         reference = cls().state()
         check_names(state, reference, "The run's state", ())

@@ -6,10 +6,12 @@ import dataclasses
 import importlib
 import re
 import sys
+from pathlib import Path
 
 import gymnasium
 import pytest
 
+import ncrs
 import ncrs_envs
 from ncrs.cli import COMMANDS
 from ncrs.evolution.optimizers import OPTIMIZERS
@@ -75,6 +77,30 @@ def test_an_environments_page_has_all_that_gymnasiums_have(maker, task, monkeypa
     assert (tmp_path / f"{env_id}.gif").read_bytes()[:6] == b"GIF89a"
     assert f"`{gymnasium.make(env_id).action_space}`" in text
     assert f"<!-- environment {env_id} -->" in (DOCS / "environments" / f"{task}.md").read_text()
+
+
+def test_every_public_name_is_described(maker):
+    pages = sorted((DOCS / "reference").glob("api*.md"))
+    text = maker("error_list").errors() + "".join(page.read_text() for page in pages)
+    names = [
+        f"{package.__name__}.{name}" for package in (ncrs, ncrs_envs) for name in package.__all__
+    ]
+    assert [name for name in names if not re.search(rf"{re.escape(name)}`?$", text, re.M)] == []
+
+
+def test_every_error_is_listed_with_its_kinds(maker):
+    text = maker("error_list").errors()
+    assert "`ncrs_envs.ScenarioError`\n: A scenario that is malformed" in text
+    assert re.search(
+        r"`ncrs.runs.sources.SourceError`\n: .* Also a `LookupError` and a `ValueError`.", text
+    )
+    defined = [
+        name
+        for package in (ncrs, ncrs_envs)
+        for path in Path(package.__path__[0]).rglob("*.py")
+        for name in re.findall(r"^class ([A-Z]\w*Error)\(", path.read_text(), re.MULTILINE)
+    ]
+    assert sorted(re.findall(r"^`[\w.]+\.(\w+)`$", text, re.MULTILINE)) == sorted(defined)
 
 
 def test_documents_of_the_top_folder_link_within_the_site(maker):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ncrs.evolution.archive import AddResult, Archive
 from ncrs.evolution.optimizers.settings import OptimizerError, OptimizerSettings
-from ncrs.evolution.schema import StateError, check_names
+from ncrs.evolution.schema import StoredStateError, check_names
 
 State = dict[str, Any]
 """Arrays, and values that JSON can hold: what a checkpoint stores."""
@@ -154,7 +154,7 @@ class Optimizer(ABC):
             generator = np.random.PCG64()
             generator.state = state["generator"]
             self._load_state(state)
-        except (StateError, KeyError, TypeError, ValueError) as error:
+        except (StoredStateError, KeyError, TypeError, ValueError) as error:
             raise OptimizerError(f"Cannot continue: {error}") from error
         self._generator.bit_generator.state = state["generator"]
         self._asked = None

@@ -236,7 +236,7 @@ class CholeskySampler(StatisticalModelSamplerWithZeroMeanBaseClass):  # type: ig
         }
 
     def load_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from a ``state``; raise ``StateError`` if it is incomplete or malformed."""
+        """Continue from a ``state``; raise ``StoredStateError`` if it is incomplete or foreign."""
         kind = self._l[:0, :0].cpu().numpy().dtype
         size = self.dimension
         reference = {

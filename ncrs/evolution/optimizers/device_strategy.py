@@ -179,7 +179,7 @@ class DeviceStrategy(ABC):
         }
 
     def load_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from a ``state``; raise ``StateError`` if it is incomplete or malformed."""
+        """Continue from a ``state``; raise ``StoredStateError`` if it is incomplete or foreign."""
         name = "The state of the search on a device"
         reference = self.state()
         check_names(state, reference, name, ())

@@ -14,7 +14,7 @@ from ncrs.evolution.optimizers.base import Fitness, Genomes, State
 from ncrs.evolution.optimizers.cma_es import CMAES
 from ncrs.evolution.optimizers.quality_diversity import QDOptimizer
 from ncrs.evolution.optimizers.settings import EmitterSettings
-from ncrs.evolution.schema import StateError, check_like
+from ncrs.evolution.schema import StoredStateError, check_like
 
 
 class EmitterOptimizer(QDOptimizer):
@@ -108,7 +108,7 @@ class EmitterOptimizer(QDOptimizer):
         check_like(state["idle"], [], "idle")
         lengths = (len(state["emitters"]), len(state["idle"]))
         if lengths != (count, count) or not 0 <= state["turn"] < count:
-            raise StateError(f"The state is not of {count} emitters: it has {lengths[0]}.")
+            raise StoredStateError(f"The state is not of {count} emitters: it has {lengths[0]}.")
         for emitter, its_state in zip(self._emitters, state["emitters"], strict=True):
             emitter.load_state(its_state)
         self._kept = [None] * len(self._emitters)

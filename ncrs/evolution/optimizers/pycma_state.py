@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ncrs.evolution.optimizers.pycma import ElapsedWCTime
-from ncrs.evolution.schema import StateError, check_like, check_names
+from ncrs.evolution.schema import StoredStateError, check_like, check_names
 
 # Not state: options and values that follow from them, logs, clocks, arguments of the last call, and
 # pycma's copies of the sampler's matrices.
@@ -106,14 +106,14 @@ def restore(strategy: Any, state: dict[str, Any]) -> None:
     """Write a captured state into a strategy made with the same options.
 
     Raises:
-        StateError: If the state lacks a member, has one that pycma's objects do not have, or one
-            that is malformed. The strategy is unchanged then, but for its sampler.
+        StoredStateError: If the state lacks a member, has one that pycma's objects do not have, or
+            one that is malformed. The strategy is unchanged then, but for its sampler.
     """
     state = dict(state)
     own = _keeps_own_state(strategy.sm)
     if own:
         if _SAMPLER not in state:
-            raise StateError(f"{_STATE} lacks {_SAMPLER}: it is incomplete.")
+            raise StoredStateError(f"{_STATE} lacks {_SAMPLER}: it is incomplete.")
         strategy.sm.load_state(state.pop(_SAMPLER))
     reference = capture(strategy, sampler=not own)
     check_like(state.get("countiter"), reference["countiter"], f"{_STATE}.countiter")
@@ -151,7 +151,9 @@ def _check(state: Any, reference: dict[str, Any], path: str, size: tuple[int, ..
             if name in _VECTORS:
                 model = np.zeros(dimension)
             elif name in _OF_POPULATION and np.shape(value) != (population,):
-                raise StateError(f"{below} must have shape ({population},), got {np.shape(value)}.")
+                raise StoredStateError(
+                    f"{below} must have shape ({population},), got {np.shape(value)}."
+                )
         check_like(value, model, below, may_be_infinite=name in _MAY_BE_INFINITE)
 
 

@@ -17,7 +17,7 @@ from ncrs.evolution.optimizers.settings import (
     OptimizerError,
     SepCMAESSettings,
 )
-from ncrs.evolution.schema import StateError
+from ncrs.evolution.schema import StoredStateError
 
 DIMENSION = 30
 
@@ -121,7 +121,7 @@ def test_an_incomplete_state_is_refused():
     state = search._es.state()
     del state["pc"]
     fresh = FullStrategy(template, sampler, np.zeros(DIMENSION), 0)
-    with pytest.raises(StateError, match="pc"):
+    with pytest.raises(StoredStateError, match="pc"):
         fresh.load_state(state)
 
 
