@@ -54,6 +54,8 @@ class _Definitions(threading.local):
         given = {"friction": CONTACT_FRICTION, "restitution": CONTACT_RESTITUTION}
         self._of_polygon = Box2D.b2FixtureDef(shape=self._polygon, **given)
         self._of_circle = Box2D.b2FixtureDef(shape=self._circle, **given)
+        self.static = Box2D.b2BodyDef(type=Box2D.b2_staticBody)
+        """Definition of a body that stands still at the origin."""
 
     def polygon(self, vertices: Sequence[tuple[float, float]]) -> Box2D.b2FixtureDef:
         self._polygon.vertices = vertices
@@ -91,7 +93,7 @@ class RobotWorld:
         self._body, self._wheels = body, wheels
         self._world = Box2D.b2World(gravity=(0.0, 0.0), doSleep=False)
         for quad in _solid_quads(scenario, body.shape[0]):
-            self._add_static(DEFINITIONS.polygon(quad)).userData = _WALL
+            self._add_static(DEFINITIONS.polygon(quad), _WALL)
         if scenario.light is not None:
             self._add_static(DEFINITIONS.circle(scenario.light, LIGHT_RADIUS, 0.0))
         self._ball = None
@@ -113,8 +115,10 @@ class RobotWorld:
             fixture.userData = row * len(self._body) + column
             self._fixtures[row, column] = fixture
 
-    def _add_static(self, fixture: Box2D.b2FixtureDef) -> Box2D.b2Body:
-        return self._world.CreateStaticBody(fixtures=fixture)
+    def _add_static(self, fixture: Box2D.b2FixtureDef, name: str | None = None) -> None:
+        body = self._world.CreateBody(DEFINITIONS.static)
+        body.CreateFixture(fixture)
+        body.userData = name
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Describe the world by its parts, the gas of its steps, and its other bodies."""
@@ -159,8 +163,8 @@ class RobotWorld:
         angle, velocity = robot.angle, robot.linearVelocity
         cos, sin = math.cos(angle), math.sin(angle)
         v_x, v_y = velocity.x, velocity.y  # unpacking Box2D's vectors is slow
-        twist = np.array([cos * v_x + sin * v_y, cos * v_y - sin * v_x, robot.angularVelocity])
-        f_x, f_y, torque = self._wheels.wrench(gas, twist).tolist()
+        twist = (cos * v_x + sin * v_y, cos * v_y - sin * v_x, robot.angularVelocity)
+        f_x, f_y, torque = self._wheels.wrench(gas, twist)
         robot.ApplyForceToCenter((cos * f_x - sin * f_y, sin * f_x + cos * f_y), True)
         robot.ApplyTorque(torque, True)
 
@@ -223,7 +227,7 @@ def _solid_quads(scenario: Scenario, grid_size: int) -> Iterator[list[tuple[floa
 
     Box2D merges vertices that nearly coincide, and needs at least three.
     """
-    for quad in wall_quads(scenario, grid_size):
-        height, width = np.ptp(quad[:, 1]), np.ptp(quad[:, 0])
-        if min(height, width) > MIN_QUAD_SIDE:
-            yield [(float(x), float(y)) for x, y in quad]
+    quads = wall_quads(scenario, grid_size)
+    sides = quads.max(axis=1) - quads.min(axis=1)
+    for quad in quads[(sides > MIN_QUAD_SIDE).all(axis=1)].tolist():
+        yield [(x, y) for x, y in quad]

@@ -28,6 +28,9 @@ from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Point, Scenario, wall_quads
 from ncrs_envs.tasks import JOINTED, TaskError, TaskSettings, distance_score, playfield
 
+_LOWEST, _HIGHEST = np.array(-1.0), np.array(1.0)
+"""Range of the gas, as arrays, which numpy compares with sooner than with numbers."""
+
 
 class Robot:
     """A body that is not empty, with its wheel model and sensors computed once for all episodes."""
@@ -38,10 +41,12 @@ class Robot:
         self.sensor_mask = sensor_mask(body)
         self.wheel_mask = wheel_mask(body)
         self.sensor_cells = np.flatnonzero(self.sensor_mask)
-        self.sensor_points = cell_centers(body.shape[0]).reshape(-1, 2)[self.sensor_cells]
         codes = body.reshape(-1)[self.sensor_cells]
-        self.senses_target = (codes == Cell.TARGET_SENSOR).astype(np.intp)
-        """For each sensor 1 if it senses the target, 0 if the light or the ball."""
+        points = cell_centers(body.shape[0]).reshape(-1, 2)[self.sensor_cells].tolist()
+        senses_target = (codes == Cell.TARGET_SENSOR).tolist()
+        self.sensors = [(x, y, far) for (x, y), far in zip(points, senses_target, strict=True)]
+        """Place of each sensor in the body's frame, and whether it senses the target, instead of
+        the light or the ball."""
         self.touch_sensors = np.flatnonzero(codes == Cell.TOUCH_SENSOR)
         """Indices of the touch sensors among the sensors."""
 
@@ -71,8 +76,8 @@ class Episode:
         self.success = False
         self.crossed = False
         self._task = settings.task
-        self._rotation = np.empty((2, 2))
         self._extent = playfield(settings.grid_size)
+        self._radius = settings.radius
         self._touch = np.zeros(len(robot.touch_sensors), dtype=np.float32)
         self._read_poses()
         self.closest: tuple[float, ...] = (math.inf,) * len(self.distances)
@@ -110,11 +115,11 @@ class Episode:
             action: Finite gas per cell, shape ``(n, n)``; read in wheel cells, clipped to [-1, 1].
         """
         cells = self.robot.wheels.wheel_cells
-        gas = action.reshape(-1)[cells].astype(np.float64)
+        gas = action.take(cells).astype(np.float64)
         failure = self.scenario.failure
         if failure is not None and self._failed is not None and self.steps >= failure.step:
             gas[self._failed[cells]] = 0.0
-        self.world.step(np.minimum(np.maximum(gas, -1.0), 1.0))
+        self.world.step(np.minimum(np.maximum(gas, _LOWEST), _HIGHEST))
         self._read_poses()
         self._feel()
         distances = self.distances
@@ -139,13 +144,13 @@ class Episode:
         succeeds = self._task.succeeds
         if succeeds is not None:
             return bool(succeeds(self))
-        return self.closest[-1] <= self.settings.radius
+        return self.closest[-1] <= self._radius
 
     def _reward(self, distances: Sequence[float]) -> float:
         task = self._task
         if task.reward is None:
             kind = self.settings.distance_score
-            return sum(distance_score(d, self._extent, kind) for d in distances) / len(distances)
+            return sum([distance_score(d, self._extent, kind) for d in distances]) / len(distances)
         reward = float(task.reward(self))
         if not math.isfinite(reward):
             raise TaskError(f"The reward of {task.name} must be finite, got {reward}.")
@@ -191,30 +196,28 @@ class Episode:
     @property
     def sensor_values(self) -> NDArray[np.float64]:
         """Values of the sensors in row order, in [0, 1], shape ``(sensors,)``."""
-        values = self._scores()
-        values[self.robot.touch_sensors] = self._touch
+        values = self._noisy(np.array(self._scores()))
+        if len(self._touch):
+            values[self.robot.touch_sensors] = self._touch
         return values
 
-    def _scores(self) -> NDArray[np.float64]:
+    def _scores(self) -> list[float]:
         """Scores of the sensors' distances from what light and target sensors see."""
-        x, y, angle = self.pose
-        cos, sin = math.cos(angle), math.sin(angle)
-        rotation = self._rotation
-        rotation[0, 0], rotation[0, 1], rotation[1, 0], rotation[1, 1] = cos, sin, -sin, cos
-        points = self.robot.sensor_points @ rotation
         seen = self.ball if self.ball is not None else self.scenario.light
         assert seen is not None
-        if self.scenario.target is None:
-            offsets = points + np.array([x - seen[0], y - seen[1]])
-        else:
-            target_x, target_y = self.scenario.target
-            both = np.array([[x - seen[0], y - seen[1]], [x - target_x, y - target_y]])
-            offsets = points + both[self.robot.senses_target]
-        squares = offsets * offsets
-        distances = np.sqrt(squares[:, 0] + squares[:, 1])
-        if self.settings.distance_score == "exponential":
-            return self._noisy(np.asarray(np.exp(-distances / self._extent)))
-        return self._noisy(np.asarray((distances / self._extent + 1.0) ** -2))
+        x, y, angle = self.pose
+        cos, sin = math.cos(angle), math.sin(angle)
+        to_seen = (x - seen[0], y - seen[1])
+        target = self.scenario.target
+        to_target = to_seen if target is None else (x - target[0], y - target[1])
+        extent, kind = self._extent, self.settings.distance_score
+        scores = []
+        for right, ahead, senses_target in self.robot.sensors:
+            d_x, d_y = to_target if senses_target else to_seen
+            d_x += right * cos - ahead * sin
+            d_y += right * sin + ahead * cos
+            scores.append(distance_score(math.sqrt(d_x * d_x + d_y * d_y), extent, kind))
+        return scores
 
     def _noisy(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         noise = self.scenario.noise

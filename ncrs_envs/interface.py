@@ -84,7 +84,7 @@ def check_action(action: Any, shape: tuple[int, ...], meaning: str) -> NDArray[n
         raise ActionError(f"action must hold real numbers, got dtype {raw.dtype}.")
     if raw.shape != shape:
         raise ActionError(f"action must have shape {shape}, {meaning}, got {raw.shape}.")
-    if raw.dtype == np.float32 and math.isfinite(raw.sum()):  # so is every value
+    if raw.dtype == np.float32 and math.isfinite(np.vdot(raw, raw)):  # so is every value
         return raw.copy()
     if not np.isfinite(raw).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(raw))[0])

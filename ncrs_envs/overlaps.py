@@ -36,6 +36,9 @@ def square_overlaps(center: tuple[float, float], half: float, quads: NDArray[np.
         & (low[:, 1] < y + half)
         & (high[:, 1] > y - half)
     )
+    if not near.any():
+        return False
+    quads = quads[near]
     # The boxes cover the quads' horizontal and vertical sides; the remaining axis is the normal of
     # the slanted edge between vertices 1 and 2.
     edge = quads[:, 2] - quads[:, 1]
@@ -44,4 +47,4 @@ def square_overlaps(center: tuple[float, float], half: float, quads: NDArray[np.
     middle = x * normal[:, 0] + y * normal[:, 1]
     reach = half * np.abs(normal).sum(axis=-1)
     slanted = (projected.min(axis=1) < middle + reach) & (projected.max(axis=1) > middle - reach)
-    return bool((near & slanted).any())
+    return bool(slanted.any())

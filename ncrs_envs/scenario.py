@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain, pairwise
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -163,7 +163,8 @@ class Scenario:
 
 def _point(value: Any, name: str) -> Point:
     try:
-        x, y = (float(coordinate) for coordinate in value)
+        x, y = value
+        x, y = float(x), float(y)
     except (TypeError, ValueError) as error:
         raise ScenarioError(f"{name} must be a pair of numbers (x, y), got {value!r}.") from error
     if not (math.isfinite(x) and math.isfinite(y)):
@@ -201,9 +202,11 @@ def wall_quads(scenario: Scenario, grid_size: int) -> NDArray[np.float64]:
     limit = WALL_EXTENT * playfield(grid_size)
     quads = []
     for line, outside in zip(scenario.walls, (-limit, limit), strict=True):
-        for (x0, y0), (x1, y1) in pairwise(line):
-            quads.append([(outside, y0), (x0, y0), (x1, y1), (outside, y1)])
-    return np.array(quads, dtype=np.float64)
+        inner = np.array(line)
+        outer = inner.copy()
+        outer[:, 0] = outside
+        quads.append(np.stack([outer[:-1], inner[:-1], inner[1:], outer[1:]], axis=1))
+    return np.concatenate(quads)
 
 
 def sample_scenario(
@@ -304,7 +307,7 @@ def _sample_walls(rng: np.random.Generator, grid_size: int) -> tuple[Polyline, P
         line[:-2] += rng.uniform(
             -WALL_NOISE * grid_size, WALL_NOISE * grid_size, size=(count - 2, 2)
         )
-        lines.append(tuple((float(x), float(y)) for x, y in line))
+        lines.append(tuple((x, y) for x, y in line.tolist()))
     return lines[0], lines[1]
 
 
