@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
@@ -13,6 +13,12 @@ from ncrs_envs.curriculum import OWN_CURRICULA
 from ncrs_envs.mirroring import STANDARD, ScenarioSampling
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import BUILT_IN, TaskSettings
+
+if TYPE_CHECKING:
+    from ncrs_envs.batched.layout import Scenarios
+
+Keys = Sequence[tuple[int, ...]]
+"""Spawn keys of seeds, all of the same length."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,52 @@ class SeededScenarios(Sequence[Scenario]):
 
     def __len__(self) -> int:
         return len(self._scenarios)
+
+
+class DrawnRows(Sequence[Sequence[Scenario]]):
+    """Rows of scenarios that nothing happens in, as records; a row's objects are made on demand.
+
+    Args:
+        sampling: Settings that they were drawn with.
+        settings: Task and its settings that they were drawn for.
+        seed: Entropy of all rows.
+        keys: Spawn key of each of the R rows.
+        records: The E scenarios of each row for the compiled simulators, ``(R, E)``.
+        generation: As in ``ScenarioSampling.draw``.
+    """
+
+    def __init__(  # noqa: PLR0913 - what the rows follow from, and the rows
+        self,
+        sampling: ScenarioSampling,
+        settings: TaskSettings,
+        seed: int,
+        keys: Keys,
+        records: Scenarios,
+        generation: int | None,
+    ) -> None:
+        self._sampling, self._settings = sampling, replace(settings)
+        self._seed, self._keys, self._generation = seed, keys, generation
+        self.records = records
+
+    @overload
+    def __getitem__(self, index: int) -> Sequence[Scenario]: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Sequence[Scenario]]: ...
+
+    def __getitem__(self, index: int | slice) -> Sequence[Scenario] | Sequence[Sequence[Scenario]]:
+        if isinstance(index, slice):
+            return [self[row] for row in range(len(self))[index]]
+        seed = np.random.SeedSequence(self._seed, spawn_key=self._keys[index])
+        episodes = self.records.scenarios.shape[1]
+        return draw_scenarios(self._sampling, self._settings, seed, episodes, self._generation)
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def suit(self, settings: TaskSettings) -> bool:
+        """Return True if they were drawn for a task with these settings, so that they fit it."""
+        return self._settings == settings
 
 
 def draw_scenarios(

@@ -26,7 +26,6 @@ from ncrs_envs.scenario import (
     as_seed_sequence,
     check_noise,
     sample_scenario,
-    sample_scenarios,
     scenario_streams,
 )
 from ncrs_envs.tasks import REGIONS, Task, get_task
@@ -37,7 +36,8 @@ MIRRORINGS: tuple[Mirroring, ...] = ("none", "front_back", "all")
 AUTO_MIRRORING = "auto"
 """Name for the mirroring that suits the task and the symmetry of the robots."""
 
-Image = Callable[[Scenario], Scenario]
+Signs = tuple[float, float]
+"""Image of a scenario: the signs, 1 or -1, by which x and y are multiplied."""
 
 STANDARD = "standard"
 """Name of the sampling by the task's placements and the mirroring."""
@@ -127,29 +127,26 @@ def _flipped(scenario: Scenario, x: float, y: float) -> Scenario:
     )
 
 
-def _same(scenario: Scenario) -> Scenario:
-    return scenario
+def _image(scenario: Scenario, signs: Signs) -> Scenario:
+    x, y = signs
+    turned = mirror_front_back(scenario) if y < 0.0 else scenario
+    return mirror_left_right(turned) if x < 0.0 else turned
 
 
-def _turned(scenario: Scenario) -> Scenario:
-    return mirror_left_right(mirror_front_back(scenario))
-
-
-def _images(mirroring: Mirroring, task: Task) -> tuple[Sequence[Image], Sequence[int]]:
+def images_and_regions(mirroring: Mirroring, task: Task) -> tuple[Sequence[Signs], Sequence[int]]:
     """Return the images to make of each draw, so that every two episodes cancel, and the regions.
 
     The draws cycle over the regions.
     """
+    same, left_right, front_back, turned = (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)
     columns = _is_directed(task)
+    if mirroring == "none":
+        return (same,), range(REGIONS)
     if mirroring == "front_back":
-        return (_same, mirror_front_back), range(REGIONS) if columns else (2, 3)
+        return (same, front_back), range(REGIONS) if columns else (2, 3)
     if columns:
-        return (_same, mirror_left_right), range(REGIONS)
-    return (_same, _turned, mirror_front_back, mirror_left_right), (2,)
-
-
-_EXCHANGES_SIDES = (mirror_left_right, _turned)
-"""Images in which left and right are exchanged."""
+        return (same, left_right), range(REGIONS)
+    return (same, turned, front_back, left_right), (2,)
 
 
 @dataclass(frozen=True)
@@ -226,9 +223,9 @@ class ScenarioSampling:
 
     def _flips(self, task: Task) -> Sequence[bool]:
         """Return for each image of a set whether left and right are exchanged in it."""
-        if self.kind != STANDARD or self.mirroring == "none":
+        if self.kind != STANDARD:
             return (False,)
-        return [image in _EXCHANGES_SIDES for image in _images(self.mirroring, task)[0]]
+        return [x < 0.0 for x, _ in images_and_regions(self.mirroring, task)[0]]
 
     def _draw(
         self, task: Task, seed: int | Sequence[int] | np.random.SeedSequence, n: int, grid_size: int
@@ -236,13 +233,11 @@ class ScenarioSampling:
         sample = SAMPLINGS[self.kind]
         if sample is not None:
             return self._drawn_by(sample, task, (as_seed_sequence(seed), n), grid_size)
-        if self.mirroring == "none":
-            return sample_scenarios(task, seed, n, grid_size, self.noise)
-        images, regions = _images(self.mirroring, task)
+        images, regions = images_and_regions(self.mirroring, task)
         scenarios: list[Scenario] = []
         for stream, region in zip(scenario_streams(seed, n, len(images)), cycle(regions)):
             drawn = sample_scenario(task, stream, region, grid_size, self.noise)
-            scenarios += [image(drawn) for image in images]
+            scenarios += [_image(drawn, signs) for signs in images]
         return scenarios[:n]
 
     def _drawn_by(

@@ -61,6 +61,15 @@ def distance_score(distance: float, extent: float, kind: str = "exponential") ->
     return (distance / extent + 1.0) ** -2
 
 
+def distance_scores(
+    distances: NDArray[np.float64], extent: float, kind: str
+) -> NDArray[np.float64]:
+    """Score many distances, as ``distance_score`` does one but for rounding."""
+    if kind == "exponential":
+        return np.asarray(np.exp(-distances / extent))
+    return np.asarray((distances / extent + 1.0) ** -2)
+
+
 class EpisodeView(Protocol):
     """What a task's own reward and condition of success may read after a step."""
 

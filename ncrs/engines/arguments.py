@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.bodies import check_bodies
-from ncrs_envs.perturbing import check_can_change
+from ncrs_envs.drawing import DrawnRows
+from ncrs_envs.perturbing import are_perturbed, check_can_change
 from ncrs_envs.scenario import Scenario, ScenarioError
 from ncrs_envs.tasks import TaskSettings
 
@@ -31,16 +32,24 @@ def scenario_rows(scenarios: Sequence[Scenario] | ScenarioRows, population: int)
         raise ScenarioError(
             "scenarios must be a sequence of ncrs_envs.Scenario, or one such sequence per genome."
         )
-    checked: list[Sequence[Scenario]] = rows
-    if len(checked) not in (1, population):
-        raise ScenarioError(
-            f"Give scenarios for all genomes, or one row for each of the {population}; "
-            f"got {len(checked)} rows."
-        )
-    lengths = sorted({len(row) for row in checked})
+    lengths = sorted({len(row) for row in rows})
     if len(lengths) > 1:
         raise ScenarioError(f"Every genome needs equally many scenarios, got {lengths}.")
-    return checked
+    return _for_each(rows, population)
+
+
+def _for_each(rows: ScenarioRows, population: int) -> ScenarioRows:
+    if len(rows) not in (1, population):
+        raise ScenarioError(
+            f"Give scenarios for all genomes, or one row for each of the {population}; "
+            f"got {len(rows)} rows."
+        )
+    return rows
+
+
+def happens_in(rows: ScenarioRows) -> bool:
+    """Return True if anything happens to a robot in any scenario."""
+    return not isinstance(rows, DrawnRows) and are_perturbed(rows)
 
 
 def check_scenario_rows(
@@ -52,6 +61,8 @@ def check_scenario_rows(
         ScenarioError: There are no scenarios, their rows differ in length, or one does not fit the
             task.
     """
+    if isinstance(scenarios, DrawnRows) and scenarios.suit(settings):
+        return _for_each(scenarios, population)
     checked = scenario_rows(scenarios, population)
     for row in checked:
         for scenario in row:

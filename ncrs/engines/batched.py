@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.channels import growth_steps
-from ncrs.engines.arguments import GivenBodies, ScenarioRows
+from ncrs.engines.arguments import GivenBodies, ScenarioRows, happens_in
 from ncrs.engines.base import (
     Engine,
     EngineSettingError,
@@ -30,7 +30,7 @@ from ncrs.engines.rollout_kernels import (
 from ncrs_envs.batched.layout import Scenarios
 from ncrs_envs.batched.perturbations import Perturbations, perturbation_records
 from ncrs_envs.batched.records import scenario_records, settings_record
-from ncrs_envs.perturbing import are_perturbed
+from ncrs_envs.drawing import DrawnRows
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 _POLL_S = 0.05
@@ -132,6 +132,8 @@ def check_compiled_rules(settings: TaskSettings) -> None:
 
 def scenario_table(rows: ScenarioRows, grid_size: int) -> Scenarios:
     """Return the records of all scenarios, shape ``(rows, E)``."""
+    if isinstance(rows, DrawnRows):
+        return rows.records
     shape = (len(rows), len(rows[0]))
     flat = scenario_records([scenario for row in rows for scenario in row], grid_size)
     quads = flat.quads.reshape(*shape, -1)
@@ -149,7 +151,7 @@ def perturbed_inputs(
         population: Number of genomes.
         grid_size: Side of the body grid.
     """
-    if not are_perturbed(rows):
+    if not happens_in(rows):
         return None
     shape = (len(rows), len(rows[0]))
     flat = perturbation_records([scenario for row in rows for scenario in row], grid_size)

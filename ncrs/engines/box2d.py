@@ -12,13 +12,12 @@ from ncrs.automaton.control import Controller, StateError
 from ncrs.automaton.growth import grow
 from ncrs.automaton.nca import NCA, nca_of
 from ncrs.automaton.torch_settings import one_torch_thread
-from ncrs.engines.arguments import GivenBodies, ScenarioRows
+from ncrs.engines.arguments import GivenBodies, ScenarioRows, happens_in
 from ncrs.engines.base import Engine, EvaluationInterrupted, RolloutResult, StopCheck
 from ncrs.engines.perturbed_drive import Perturber, recovered
 from ncrs.engines.pool import WorkerPool
 from ncrs_envs.body import BodyGrid
 from ncrs_envs.episode import Episode, Robot
-from ncrs_envs.perturbing import are_perturbed
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
@@ -160,7 +159,7 @@ class Box2DEngine(Engine):
             success=np.stack([r.success for r in results]),
             crossed=np.stack([r.crossed for r in results]),
             closest=np.stack([r.closest for r in results]),
-            recovered=np.stack([r.recovered for r in results]) if are_perturbed(rows) else None,
+            recovered=np.stack([r.recovered for r in results]) if happens_in(rows) else None,
         )
 
     def close(self) -> None:

@@ -5,7 +5,7 @@ The numbers of a stream never depend on other streams, on the engine, or on the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import IntEnum
 from typing import Any
 
@@ -72,12 +72,24 @@ def seed_row(sequence: np.random.SeedSequence) -> NDArray[np.int64]:
     Raises:
         SeedError: If its entropy is not a seed, or it has more than three keys.
     """
-    numbers = [check_seed(sequence.entropy), *sequence.spawn_key]
-    if len(numbers) > SEED_LENGTH:
+    row: NDArray[np.int64] = seed_rows(sequence.entropy, [sequence.spawn_key])[0]
+    return row
+
+
+def seed_rows(seed: Any, keys: Sequence[tuple[int, ...]]) -> NDArray[np.int64]:
+    """Convert streams of one seed, all with equally many keys, to rows, int64 ``(R, 4)``.
+
+    Raises:
+        SeedError: As in ``seed_row``.
+    """
+    if len(keys[0]) >= SEED_LENGTH:
         raise SeedError(
-            f"An archive keeps a seed and at most {SEED_LENGTH - 1} keys, got {numbers}."
+            f"An archive keeps a seed and at most {SEED_LENGTH - 1} keys, got {keys[0]}."
         )
-    return np.array(numbers + [_FILL] * (SEED_LENGTH - len(numbers)), dtype=np.int64)
+    rows = np.full((len(keys), SEED_LENGTH), _FILL, dtype=np.int64)
+    rows[:, 0] = check_seed(seed)
+    rows[:, 1 : 1 + len(keys[0])] = keys
+    return rows
 
 
 def row_numbers(row: Iterable[int]) -> tuple[int, ...]:

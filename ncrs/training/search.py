@@ -21,10 +21,11 @@ from ncrs.evolution.standstill import standing_still_fitness
 from ncrs.evolution.task_optimizer import TaskOptimizer
 from ncrs.runs.elites import EliteArchive, make_archive
 from ncrs.runs.engine_settings import ConfigError
-from ncrs.runs.seeds import Stream, seed_row, seed_sequence
+from ncrs.runs.seeds import Stream, seed_row, seed_rows, seed_sequence
 from ncrs.runs.settings import TrainConfig
 from ncrs.training.generation import Generation
 from ncrs.training.start import search_space
+from ncrs_envs.batched.drawing import draw_rows
 from ncrs_envs.drawing import draw_scenarios
 from ncrs_envs.scenario import Scenario
 
@@ -87,11 +88,15 @@ class Search:
 
     def draw(self, generation: int, population: int) -> DrawnScenarios:
         """Draw the scenarios of a generation of that many genomes."""
-        keys: list[tuple[int, ...]] = [(generation,)]
-        if not self._config.common_scenarios:
-            keys = [(generation, genome) for genome in range(population)]
-        drawn = [self._draw(Stream.SCENARIOS, *key, eased_at=generation) for key in keys]
-        return DrawnScenarios([row for row, _ in drawn], np.stack([seeds for _, seeds in drawn]))
+        config = self._config
+        if config.common_scenarios:
+            row, seeds = self._draw(Stream.SCENARIOS, generation, eased_at=generation)
+            return DrawnScenarios([row], seeds[None])
+        keys = [(int(Stream.SCENARIOS), generation, genome) for genome in range(population)]
+        rows = draw_rows(
+            self._sampling, config.task, config.seed, keys, config.episodes, generation
+        )
+        return DrawnScenarios(rows, seed_rows(config.seed, keys))
 
     def add(
         self, genomes: Genomes, evaluation: Evaluation, scenarios: DrawnScenarios, generation: int

@@ -37,12 +37,12 @@ from ncrs_envs.tasks import REGIONS, playfield
 
 MAX_VERTICES = WALL_VERTICES[1] - 1
 MAX_QUADS = 2 * (MAX_VERTICES - 1)
-_FIXED_VERTICES = 2
+FIXED_VERTICES = 2
 """Number of a wall's last vertices that form the passage and are not moved."""
-_COLUMNS = np.array(COLUMN_REGIONS)
+COLUMNS = np.array(COLUMN_REGIONS)
 
 
-class _Draws(NamedTuple):
+class Draws(NamedTuple):
     """Random numbers in [0, 1) for scenarios, and the walls' vertices made from them."""
 
     regions: NDArray[np.int64]
@@ -56,6 +56,25 @@ class _Draws(NamedTuple):
     """Numbers of vertices, ``(episodes, 2)``."""
     vertices: NDArray[np.float64]
     """Output, ``(episodes, 2, MAX_VERTICES, 2)``."""
+
+
+def make_draws(count: int) -> Draws:
+    """Return arrays for the random numbers of so many scenarios."""
+    return Draws(
+        regions=np.empty(count, dtype=np.int64),
+        places=np.empty((count, 3)),
+        starts=np.empty(count),
+        noise=np.empty((count, 2, 2 * MAX_VERTICES)),
+        counts=np.empty((count, 2), dtype=np.int64),
+        vertices=np.zeros((count, 2, MAX_VERTICES, 2)),
+    )
+
+
+def no_free_start(grid_size: int) -> ScenarioError:
+    """Return the error of a scenario that leaves the robot no room to start."""
+    return ScenarioError(
+        f"No start free of walls in {MAX_START_DRAWS} draws for grid size {grid_size}."
+    )
 
 
 class ObstacleDraws:
@@ -81,25 +100,18 @@ class ObstacleDraws:
     ) -> None:
         count = len(generators)
         self.records = make_scenarios(count, MAX_QUADS)
-        self._draws = draws = _Draws(
-            regions=np.empty(count, dtype=np.int64),
-            places=np.empty((count, 3)),
-            starts=np.empty(count),
-            noise=np.empty((count, 2, 2 * MAX_VERTICES)),
-            counts=np.empty((count, 2), dtype=np.int64),
-            vertices=np.zeros((count, 2, MAX_VERTICES, 2)),
-        )
+        self._draws = draws = make_draws(count)
         for i, (generator, region) in enumerate(zip(generators, regions, strict=True)):
             draws.regions[i] = generator.integers(REGIONS) if region is None else region
             generator.random(out=draws.places[i])
             for side in range(2):
                 vertices = int(generator.integers(*WALL_VERTICES))
                 draws.counts[i, side] = vertices
-                generator.random(out=draws.noise[i, side, : 2 * (vertices - _FIXED_VERTICES)])
+                generator.random(out=draws.noise[i, side, : 2 * (vertices - FIXED_VERTICES)])
             draws.starts[i] = generator.random()
         extent = playfield(grid_size)
         blocked = np.empty(count, dtype=np.bool_)
-        _build(grid_size, extent, draws, self.records, blocked)
+        build_obstacles(grid_size, extent, NOISE, draws, self.records, blocked)
         for i in np.flatnonzero(blocked).tolist():
             self._draw_start_again(i, generators[i], grid_size, extent)
 
@@ -107,15 +119,13 @@ class ObstacleDraws:
         self, index: int, generator: np.random.Generator, grid_size: int, extent: float
     ) -> None:
         quads = np.empty((MAX_QUADS, 4, 2))
-        count = _write_quads(extent, self._draws.counts[index], self._draws.vertices[index], quads)
+        count = write_quads(extent, self._draws.counts[index], self._draws.vertices[index], quads)
         for _ in range(MAX_START_DRAWS - 1):
-            x = _between(-FAR * extent, FAR * extent, generator.random())
-            if not _is_blocked(x, START_Y * extent, grid_size, quads[:count]):
+            x = between(-FAR * extent, FAR * extent, generator.random())
+            if not is_blocked(x, START_Y * extent, grid_size, quads[:count]):
                 self.records.scenarios[index].start_x = x
                 return
-        raise ScenarioError(
-            f"No start free of walls in {MAX_START_DRAWS} draws for grid size {grid_size}."
-        )
+        raise no_free_start(grid_size)
 
     def walls(self, index: int) -> tuple[Polyline, Polyline]:
         """Return the inner edges of the left and the right wall of one scenario."""
@@ -127,16 +137,17 @@ class ObstacleDraws:
 
 
 @kernel
-def _between(low: float, high: float, fraction: float) -> float:
+def between(low: float, high: float, fraction: float) -> float:
     """Map a number in [0, 1) as ``Generator.uniform(low, high)`` does."""
     return low + (high - low) * fraction
 
 
 @kernel
-def _build(
+def build_obstacles(  # noqa: PLR0913 - kernels take numbers
     grid_size: int,
     extent: float,
-    draws: _Draws,
+    noise: float,
+    draws: Draws,
     scenarios: Scenarios,
     blocked: NDArray[np.bool_],
 ) -> None:
@@ -144,12 +155,12 @@ def _build(
     quads = np.empty((MAX_QUADS, 4, 2))
     for i in range(len(blocked)):
         record: ScenarioRecord = scenarios.scenarios[i]
-        noise_x = _between(-NOISE * extent, NOISE * extent, draws.places[i, 0])
-        noise_y = _between(-NOISE * extent, NOISE * extent, draws.places[i, 1])
-        passage = _between(-PASSAGE_RANGE * extent, PASSAGE_RANGE * extent, draws.places[i, 2])
-        record.start_x = _between(-FAR * extent, FAR * extent, draws.starts[i])
+        noise_x = between(-noise * extent, noise * extent, draws.places[i, 0])
+        noise_y = between(-noise * extent, noise * extent, draws.places[i, 1])
+        passage = between(-PASSAGE_RANGE * extent, PASSAGE_RANGE * extent, draws.places[i, 2])
+        record.start_x = between(-FAR * extent, FAR * extent, draws.starts[i])
         record.start_y = START_Y * extent
-        record.goal_x = _COLUMNS[draws.regions[i]] * extent + noise_x
+        record.goal_x = COLUMNS[draws.regions[i]] * extent + noise_x
         record.goal_y = FAR * extent + noise_y
         record.target_x = np.nan
         record.target_y = np.nan
@@ -158,9 +169,9 @@ def _build(
             sign = -1.0 if side == 0 else 1.0
             _place_ends(grid_size, extent, passage, sign, vertices)
             _fill_wall(grid_size, draws.noise[i, side], vertices)
-        count = _write_quads(extent, draws.counts[i], draws.vertices[i], quads)
+        count = write_quads(extent, draws.counts[i], draws.vertices[i], quads)
         record.quad_count = prepare_walls(quads[:count], scenarios.quads[i])
-        blocked[i] = _is_blocked(record.start_x, record.start_y, grid_size, quads[:count])
+        blocked[i] = is_blocked(record.start_x, record.start_y, grid_size, quads[:count])
 
 
 @kernel
@@ -186,13 +197,13 @@ def _fill_wall(grid_size: int, noise: NDArray[np.float64], vertices: NDArray[np.
     for i in range(count - 1):
         vertices[i, 0] = i * step_x + bottom_x
         vertices[i, 1] = i * step_y + bottom_y
-        if i < count - _FIXED_VERTICES:
-            vertices[i, 0] += _between(-reach, reach, noise[2 * i])
-            vertices[i, 1] += _between(-reach, reach, noise[2 * i + 1])
+        if i < count - FIXED_VERTICES:
+            vertices[i, 0] += between(-reach, reach, noise[2 * i])
+            vertices[i, 1] += between(-reach, reach, noise[2 * i + 1])
 
 
 @kernel
-def _write_quads(
+def write_quads(
     extent: float,
     counts: NDArray[np.int64],
     vertices: NDArray[np.float64],
@@ -213,7 +224,7 @@ def _write_quads(
 
 
 @kernel
-def _is_blocked(x: float, y: float, grid_size: int, quads: NDArray[np.float64]) -> bool:
+def is_blocked(x: float, y: float, grid_size: int, quads: NDArray[np.float64]) -> bool:
     """Return True if the grid's square overlaps any quad; see ``scenario.sample_scenario``."""
     half = grid_size * CELL_SIZE / 2.0
     for quad in quads:

@@ -14,7 +14,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.engines.arguments import GivenBodies, ScenarioRows
+from ncrs.engines.arguments import GivenBodies, ScenarioRows, happens_in
 from ncrs.engines.base import (
     Engine,
     EngineSettingError,
@@ -26,7 +26,6 @@ from ncrs.engines.batched import check_compiled_rules, scenario_table
 from ncrs.engines.cuda.devices import check_devices, on_device
 from ncrs.engines.cuda.part import Device, PartResult
 from ncrs_envs.batched.layout import Scenarios
-from ncrs_envs.perturbing import are_perturbed
 from ncrs_envs.tasks import TaskSettings
 
 
@@ -65,7 +64,7 @@ class CUDAEngine(Engine):
         should_stop: StopCheck,
         bodies: GivenBodies,
     ) -> RolloutResult:
-        if are_perturbed(rows):
+        if happens_in(rows):
             raise EngineSettingError(
                 "engine=cuda simulates no damage, failing wheels, noise or repair; choose "
                 "engine=batched or engine=box2d."
