@@ -1,28 +1,28 @@
-"""Random Obstacle scenarios for many episodes at once, equal to those of ``sample_scenario``.
+"""Random scenarios for many episodes at once, equal to those of ``sample_scenario``.
 
-An Obstacle scenario needs dozens of random numbers, so drawing thousands of scenarios one by one
-takes longer than simulating them. Here each episode's generator only fills arrays, in the order in
-which ``sample_scenario`` uses it, and compiled code does the rest.
+Drawing thousands of scenarios one by one takes longer than simulating them, above all in Obstacle,
+where each needs dozens of random numbers. Here compiled code reads each episode's random stream in
+the order in which ``sample_scenario`` does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.compiler import kernel
+from ncrs_envs.batched.layout import Quad, Scenarios, make_scenarios
 from ncrs_envs.batched.layout import Scenario as ScenarioRecord
-from ncrs_envs.batched.layout import Scenarios, make_scenarios
 from ncrs_envs.batched.records import prepare_walls
+from ncrs_envs.batched.streams import Stream, next_integer, next_number
 from ncrs_envs.body import CELL_SIZE
 from ncrs_envs.scenario import (
     COLUMN_REGIONS,
+    CORNER_REGIONS,
     FAR,
     MAX_START_DRAWS,
-    NOISE,
     PASSAGE_HALF_WIDTH,
     PASSAGE_RANGE,
     START_Y,
@@ -31,62 +31,41 @@ from ncrs_envs.scenario import (
     WALL_TOP,
     WALL_VERTICES,
     Polyline,
+    Scenario,
     ScenarioError,
 )
-from ncrs_envs.tasks import REGIONS, playfield
+from ncrs_envs.tasks import REGIONS, Task, playfield
 
-MAX_VERTICES = WALL_VERTICES[1] - 1
-MAX_QUADS = 2 * (MAX_VERTICES - 1)
-FIXED_VERTICES = 2
+MAX_QUADS = 2 * (WALL_VERTICES[1] - 2)
+RANDOM_REGION = -1
+"""Number in place of a region that is drawn, too."""
+_MAX_VERTICES = WALL_VERTICES[1] - 1
+_FIXED_VERTICES = 2
 """Number of a wall's last vertices that form the passage and are not moved."""
-COLUMNS = np.array(COLUMN_REGIONS)
+_COLUMNS, _CORNERS = np.array(COLUMN_REGIONS), np.array(CORNER_REGIONS)
 
 
-class Draws(NamedTuple):
-    """Random numbers in [0, 1) for scenarios, and the walls' vertices made from them."""
+class _Walls(NamedTuple):
+    """Vertices of the walls of many scenarios, from which their quads are made."""
 
-    regions: NDArray[np.int64]
-    """Region of each light, 0 to 3."""
-    places: NDArray[np.float64]
-    """For the positions of light (x, y) and passage (x), ``(episodes, 3)``."""
-    starts: NDArray[np.float64]
-    noise: NDArray[np.float64]
-    """For the vertices of the left and the right wall, ``(episodes, 2, 2 * MAX_VERTICES)``."""
     counts: NDArray[np.int64]
-    """Numbers of vertices, ``(episodes, 2)``."""
+    """Numbers of vertices of the left and the right wall, ``(scenarios, 2)``."""
     vertices: NDArray[np.float64]
-    """Output, ``(episodes, 2, MAX_VERTICES, 2)``."""
+    """``(scenarios, 2, _MAX_VERTICES, 2)``."""
 
 
-def make_draws(count: int) -> Draws:
-    """Return arrays for the random numbers of so many scenarios."""
-    return Draws(
-        regions=np.empty(count, dtype=np.int64),
-        places=np.empty((count, 3)),
-        starts=np.empty(count),
-        noise=np.empty((count, 2, 2 * MAX_VERTICES)),
-        counts=np.empty((count, 2), dtype=np.int64),
-        vertices=np.zeros((count, 2, MAX_VERTICES, 2)),
-    )
-
-
-def no_free_start(grid_size: int) -> ScenarioError:
-    """Return the error of a scenario that leaves the robot no room to start."""
-    return ScenarioError(
-        f"No start free of walls in {MAX_START_DRAWS} draws for grid size {grid_size}."
-    )
-
-
-class ObstacleDraws:
-    """Random Obstacle scenarios, one for each generator.
+class Sample:
+    """Scenarios of a task that comes with the package, each drawn from a stream of its own.
 
     Args:
-        generators: Source of each scenario, left in the state that ``sample_scenario`` leaves.
-        regions: Region of each light, 0 to 3, or None for a uniformly random one.
+        task: The task.
+        streams: Streams, ``(scenarios, STREAM_SIZE)``, left as ``sample_scenario`` leaves them.
+        regions: Region of each light or ball, 0 to 3, or ``RANDOM_REGION``, int64.
         grid_size: Side of the body grid.
+        noise: Noise of the placements.
 
     Attributes:
-        records: Records of the scenarios, with room for ``MAX_QUADS`` quads each.
+        records: Records of the scenarios, with room for ``MAX_QUADS`` quads each if it has walls.
 
     Raises:
         ScenarioError: No start free of walls was found.
@@ -94,84 +73,128 @@ class ObstacleDraws:
 
     def __init__(
         self,
-        generators: Sequence[np.random.Generator],
-        regions: Sequence[int | None],
+        task: Task,
+        streams: NDArray[np.uint64],
+        regions: NDArray[np.int64],
         grid_size: int,
+        noise: float,
     ) -> None:
-        count = len(generators)
-        self.records = make_scenarios(count, MAX_QUADS)
-        self._draws = draws = make_draws(count)
-        for i, (generator, region) in enumerate(zip(generators, regions, strict=True)):
-            draws.regions[i] = generator.integers(REGIONS) if region is None else region
-            generator.random(out=draws.places[i])
-            for side in range(2):
-                vertices = int(generator.integers(*WALL_VERTICES))
-                draws.counts[i, side] = vertices
-                generator.random(out=draws.noise[i, side, : 2 * (vertices - FIXED_VERTICES)])
-            draws.starts[i] = generator.random()
-        extent = playfield(grid_size)
-        blocked = np.empty(count, dtype=np.bool_)
-        build_obstacles(grid_size, extent, NOISE, draws, self.records, blocked)
-        for i in np.flatnonzero(blocked).tolist():
-            self._draw_start_again(i, generators[i], grid_size, extent)
-
-    def _draw_start_again(
-        self, index: int, generator: np.random.Generator, grid_size: int, extent: float
-    ) -> None:
-        quads = np.empty((MAX_QUADS, 4, 2))
-        count = write_quads(extent, self._draws.counts[index], self._draws.vertices[index], quads)
-        for _ in range(MAX_START_DRAWS - 1):
-            x = between(-FAR * extent, FAR * extent, generator.random())
-            if not is_blocked(x, START_Y * extent, grid_size, quads[:count]):
-                self.records.scenarios[index].start_x = x
-                return
-        raise no_free_start(grid_size)
-
-    def walls(self, index: int) -> tuple[Polyline, Polyline]:
-        """Return the inner edges of the left and the right wall of one scenario."""
-        left, right = (
-            tuple((float(x), float(y)) for x, y in self._draws.vertices[index, side, :count])
-            for side, count in enumerate(self._draws.counts[index])
+        count, extent = len(streams), playfield(grid_size)
+        self._task = task
+        self.records = make_scenarios(count, MAX_QUADS if task.has_walls else 0)
+        if not task.has_walls:
+            _draw_points(streams, regions, task.has_ball, (extent, noise), self.records.scenarios)
+            return
+        self._walls = _Walls(
+            np.empty((count, 2), dtype=np.int64), np.empty((count, 2, _MAX_VERTICES, 2))
         )
-        return left, right
+        room = (grid_size, extent, noise)
+        if not _draw_obstacles(streams, regions, room, self._walls, self.records):
+            raise ScenarioError(
+                f"No start free of walls in {MAX_START_DRAWS} draws for grid size {grid_size}."
+            )
+
+    def __getitem__(self, index: int) -> Scenario:
+        """Make the object of one scenario."""
+        record: ScenarioRecord = self.records.scenarios[index]
+        start = (float(record.start_x), float(record.start_y))
+        goal = (float(record.goal_x), float(record.goal_y))
+        if self._task.has_ball:
+            return Scenario(start, ball=goal, target=(record.target_x, record.target_y))
+        walls = (self._wall(index, 0), self._wall(index, 1)) if self._task.has_walls else None
+        return Scenario(start, light=goal, walls=walls)
+
+    def _wall(self, index: int, side: int) -> Polyline:
+        """Return the inner edge of one wall of a scenario."""
+        count = self._walls.counts[index, side]
+        return tuple((x, y) for x, y in self._walls.vertices[index, side, :count].tolist())
 
 
 @kernel
-def between(low: float, high: float, fraction: float) -> float:
-    """Map a number in [0, 1) as ``Generator.uniform(low, high)`` does."""
-    return low + (high - low) * fraction
+def _between(stream: Stream, reach: float) -> float:
+    """Draw a number as ``Generator.uniform(-reach, reach)`` does."""
+    return -reach + (reach - -reach) * next_number(stream)
 
 
 @kernel
-def build_obstacles(  # noqa: PLR0913 - kernels take numbers
-    grid_size: int,
-    extent: float,
-    noise: float,
-    draws: Draws,
-    scenarios: Scenarios,
-    blocked: NDArray[np.bool_],
+def _region(stream: Stream, given: int) -> int:
+    return int(next_integer(stream, 0, REGIONS)) if given == RANDOM_REGION else given
+
+
+@kernel
+def _draw_points(
+    streams: NDArray[np.uint64],
+    regions: NDArray[np.int64],
+    has_ball: bool,
+    sizes: tuple[float, float],
+    records: NDArray[ScenarioRecord],
 ) -> None:
-    """Make scenarios from random numbers, and mark those whose start is not free of walls."""
+    """Draw scenarios of a light or a ball in the open; ``sizes`` are playfield and noise."""
+    extent, noise = sizes
+    for i in range(len(streams)):
+        stream, record = streams[i], records[i]
+        region = _region(stream, regions[i])
+        noise_x = _between(stream, noise * extent)
+        noise_y = _between(stream, noise * extent)
+        if has_ball:
+            record.start_x = _between(stream, FAR * extent)
+            record.start_y = START_Y * extent
+            record.goal_x = _COLUMNS[region] * extent + noise_x
+            record.goal_y = noise_y
+            record.target_x = _COLUMNS[next_integer(stream, 0, REGIONS)] * extent
+            record.target_y = FAR * extent
+        else:
+            record.goal_x = _CORNERS[region, 0] * FAR * extent + noise_x
+            record.goal_y = _CORNERS[region, 1] * FAR * extent + noise_y
+            record.target_x = np.nan
+            record.target_y = np.nan
+
+
+@kernel
+def _draw_obstacles(
+    streams: NDArray[np.uint64],
+    regions: NDArray[np.int64],
+    sizes: tuple[int, float, float],
+    walls: _Walls,
+    scenarios: Scenarios,
+) -> bool:
+    """Draw scenarios with walls; ``sizes`` are grid, playfield and noise.
+
+    Returns:
+        False if one of them has no start that is free of walls.
+    """
+    grid_size, extent, noise = sizes
     quads = np.empty((MAX_QUADS, 4, 2))
-    for i in range(len(blocked)):
+    for i in range(len(streams)):
+        stream: Stream = streams[i]
         record: ScenarioRecord = scenarios.scenarios[i]
-        noise_x = between(-noise * extent, noise * extent, draws.places[i, 0])
-        noise_y = between(-noise * extent, noise * extent, draws.places[i, 1])
-        passage = between(-PASSAGE_RANGE * extent, PASSAGE_RANGE * extent, draws.places[i, 2])
-        record.start_x = between(-FAR * extent, FAR * extent, draws.starts[i])
+        region = _region(stream, regions[i])
+        noise_x = _between(stream, noise * extent)
+        noise_y = _between(stream, noise * extent)
+        passage = _between(stream, PASSAGE_RANGE * extent)
+        for side in range(2):
+            count = next_integer(stream, WALL_VERTICES[0], WALL_VERTICES[1])
+            walls.counts[i, side] = count
+            vertices = walls.vertices[i, side, :count]
+            _place_ends(grid_size, extent, passage, -1.0 if side == 0 else 1.0, vertices)
+            _fill_wall(stream, grid_size, vertices)
+        number = _write_quads(extent, walls.counts[i], walls.vertices[i], quads)
+        own: NDArray[Quad] = scenarios.quads[i]
+        record.quad_count = prepare_walls(quads[:number], own)
         record.start_y = START_Y * extent
-        record.goal_x = COLUMNS[draws.regions[i]] * extent + noise_x
+        record.goal_x = _COLUMNS[region] * extent + noise_x
         record.goal_y = FAR * extent + noise_y
         record.target_x = np.nan
         record.target_y = np.nan
-        for side in range(2):
-            vertices = draws.vertices[i, side, : draws.counts[i, side]]
-            sign = -1.0 if side == 0 else 1.0
-            _place_ends(grid_size, extent, passage, sign, vertices)
-            _fill_wall(grid_size, draws.noise[i, side], vertices)
-        count = write_quads(extent, draws.counts[i], draws.vertices[i], quads)
-        record.quad_count = prepare_walls(quads[:count], scenarios.quads[i])
-        blocked[i] = is_blocked(record.start_x, record.start_y, grid_size, quads[:count])
+        is_free = False
+        for _ in range(MAX_START_DRAWS):
+            record.start_x = _between(stream, FAR * extent)
+            if not _is_blocked(record.start_x, record.start_y, grid_size, quads[:number]):
+                is_free = True
+                break
+        if not is_free:
+            return False
+    return True
 
 
 @kernel
@@ -186,7 +209,7 @@ def _place_ends(
 
 
 @kernel
-def _fill_wall(grid_size: int, noise: NDArray[np.float64], vertices: NDArray[np.float64]) -> None:
+def _fill_wall(stream: Stream, grid_size: int, vertices: NDArray[np.float64]) -> None:
     """Space vertices equally between a wall's ends, then move all but the last two."""
     count = len(vertices)
     bottom_x = vertices[0, 0]
@@ -197,13 +220,13 @@ def _fill_wall(grid_size: int, noise: NDArray[np.float64], vertices: NDArray[np.
     for i in range(count - 1):
         vertices[i, 0] = i * step_x + bottom_x
         vertices[i, 1] = i * step_y + bottom_y
-        if i < count - FIXED_VERTICES:
-            vertices[i, 0] += between(-reach, reach, noise[2 * i])
-            vertices[i, 1] += between(-reach, reach, noise[2 * i + 1])
+        if i < count - _FIXED_VERTICES:
+            vertices[i, 0] += _between(stream, reach)
+            vertices[i, 1] += _between(stream, reach)
 
 
 @kernel
-def write_quads(
+def _write_quads(
     extent: float,
     counts: NDArray[np.int64],
     vertices: NDArray[np.float64],
@@ -224,7 +247,7 @@ def write_quads(
 
 
 @kernel
-def is_blocked(x: float, y: float, grid_size: int, quads: NDArray[np.float64]) -> bool:
+def _is_blocked(x: float, y: float, grid_size: int, quads: NDArray[np.float64]) -> bool:
     """Return True if the grid's square overlaps any quad; see ``scenario.sample_scenario``."""
     half = grid_size * CELL_SIZE / 2.0
     for quad in quads:

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.dtypes import assign
+from ncrs_envs.batched.env_streams import EnvStreams
 from ncrs_envs.batched.layout import Scenario as ScenarioRecord
 from ncrs_envs.batched.layout import Scenarios, make_scenarios
 from ncrs_envs.batched.records import scenario_records
-from ncrs_envs.batched.sampling import MAX_QUADS, ObstacleDraws
+from ncrs_envs.batched.sampling import MAX_QUADS, RANDOM_REGION, Sample
 from ncrs_envs.perturbations import Damage
-from ncrs_envs.scenario import Scenario, sample_scenario
-from ncrs_envs.tasks import Task
+from ncrs_envs.scenario import NOISE, Scenario, sample_scenario
+from ncrs_envs.tasks import BUILT_IN, Task
 
 Indices = NDArray[np.intp]
 
@@ -75,23 +76,31 @@ class ScenarioTable:
     def draw(
         self,
         episodes: Sequence[int],
-        generators: Sequence[np.random.Generator],
-        regions: Sequence[int | None],
+        streams: EnvStreams,
+        regions: Sequence[int | None] | None = None,
     ) -> None:
-        """Set the scenarios of episodes to those that ``sample_scenario`` would draw."""
-        if self._task.place is not None or not self._task.has_walls:
-            self.put(
-                episodes,
-                [
-                    sample_scenario(self._task, generator, region, self._grid_size)
-                    for generator, region in zip(generators, regions, strict=True)
-                ],
-            )
-        elif episodes:
-            draws = ObstacleDraws(generators, regions, self._grid_size)
-            self._write(episodes, draws.records)
-            for i, episode in enumerate(episodes):
-                self._makers[episode] = _Drawn(draws, i)
+        """Set the scenarios of episodes to those that ``sample_scenario`` would draw.
+
+        Args:
+            episodes: Indices of the episodes.
+            streams: Streams of all episodes.
+            regions: Region of each episode, or None for a random one; None for random ones.
+        """
+        if not episodes:
+            return
+        given = [None if regions is None else regions[episode] for episode in episodes]
+        if self._task not in BUILT_IN:
+            pairs = zip(map(streams.generator, episodes), given, strict=True)
+            drawn = [sample_scenario(self._task, g, region, self._grid_size) for g, region in pairs]
+            self.put(episodes, drawn)
+            return
+        numbers = [RANDOM_REGION if region is None else region for region in given]
+        own = streams.take(episodes)
+        sample = Sample(self._task, own, np.array(numbers), self._grid_size, NOISE)
+        streams.put(episodes, own)
+        self._write(episodes, sample.records)
+        for i, episode in enumerate(episodes):
+            self._makers[episode] = _Drawn(sample, i)
 
 
 class _Kept:
@@ -105,16 +114,11 @@ class _Kept:
 
 
 class _Drawn:
-    """Maker of a scenario from its random numbers."""
+    """Maker of a scenario from a sample."""
 
-    def __init__(self, draws: ObstacleDraws, index: int) -> None:
-        self._draws = draws
+    def __init__(self, sample: Sample, index: int) -> None:
+        self._sample = sample
         self._index = index
 
     def __call__(self) -> Scenario:
-        record: ScenarioRecord = self._draws.records.scenarios[self._index]
-        return Scenario(
-            start=(record.start_x, record.start_y),
-            light=(record.goal_x, record.goal_y),
-            walls=self._draws.walls(self._index),
-        )
+        return self._sample[self._index]

@@ -7,6 +7,9 @@ and bounded integers by multiplication (Lemire 2019), as ``Generator`` draws the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,6 +47,23 @@ def seed_words(entropy: int) -> list[int]:
         words.append(entropy % WORD)
         entropy //= WORD
     return words
+
+
+def generator_state(stream: Stream) -> dict[str, Any]:
+    """Return the state with which numpy's ``PCG64`` continues a stream."""
+    high, low, increment_high, increment_low, is_half_left, half = map(int, stream)
+    state = {"state": (high << 64) | low, "inc": (increment_high << 64) | increment_low}
+    halves = {"has_uint32": is_half_left, "uinteger": half}
+    return {"bit_generator": "PCG64", "state": state, **halves}
+
+
+def read_generator(generator: np.random.Generator) -> Stream:
+    """Return the stream with which a generator on ``PCG64`` would go on."""
+    state: Mapping[str, Any] = generator.bit_generator.state
+    numbers = [
+        number for name in ("state", "inc") for number in divmod(state["state"][name], 2**64)
+    ]
+    return np.array([*numbers, state["has_uint32"], state["uinteger"]], dtype=np.uint64)
 
 
 @kernel

@@ -14,12 +14,12 @@ import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
-from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.env_robots import EnvRobots
+from ncrs_envs.batched.env_streams import EnvStreams
 from ncrs_envs.batched.episode_batch import EpisodeBatch
 from ncrs_envs.batched.pictures import Pictures, check_render_envs, frame_size
 from ncrs_envs.batched.scenario_table import Indices
@@ -143,8 +143,7 @@ class RobotVectorEnv(_BaseEnv):
         self._batch = EpisodeBatch(self.settings, self.num_envs, workers)
         self._robots = EnvRobots(self._batch, n)
         self._robots.put(np.arange(self.num_envs), bodies)
-        self._generators: list[np.random.Generator | None] = [None] * self.num_envs
-        self._seeds = [-1] * self.num_envs
+        self._streams = EnvStreams(self.num_envs)
         self._steps = np.zeros(self.num_envs, dtype=np.int64)
         self._is_done = np.zeros(self.num_envs, dtype=np.bool_)
         self._is_started = np.zeros(self.num_envs, dtype=np.bool_)
@@ -184,19 +183,12 @@ class RobotVectorEnv(_BaseEnv):
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The random generator of each environment."""
-        return tuple(self._generator(i) for i in range(self.num_envs))
+        return tuple(map(self._streams.generator, range(self.num_envs)))
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each environment's generator."""
-        return tuple(self._seeds[i] for i, _ in enumerate(self.np_random))
-
-    def _generator(self, env: int) -> np.random.Generator:
-        generator = self._generators[env]
-        if generator is None:
-            generator, self._seeds[env] = seeding.np_random()
-            self._generators[env] = generator
-        return generator
+        return tuple(map(self._streams.seed_of, range(self.num_envs)))
 
     def reset(
         self,
@@ -230,26 +222,17 @@ class RobotVectorEnv(_BaseEnv):
         damages = check_damages(given.get("damage"), n, self.num_envs)
         envs = np.flatnonzero(mask)
         seeds = check_seeds(seed, self.num_envs)
-        seeded = {i: seeding.np_random(seeds[i]) for i in envs.tolist() if seeds[i] is not None}
-        for i, (generator, used) in seeded.items():
-            self._generators[i], self._seeds[i] = generator, used
+        self._streams.seed({i: s for i in envs.tolist() if (s := seeds[i]) is not None})
         self._robots.end(envs)
         if bodies is not None:
             self._robots.put(envs, bodies)
         pinned = {i: s for i, s in enumerate(scenarios) if s is not None and mask[i]}
         self._batch.scenarios.put(list(pinned), list(pinned.values()))
-        self._draw([i for i in envs.tolist() if scenarios[i] is None], regions)
+        drawn = [i for i in envs.tolist() if scenarios[i] is None]
+        self._batch.scenarios.draw(drawn, self._streams, regions)
         self._batch.scenarios.damage({i: d for i, d in enumerate(damages) if d and mask[i]})
         self._start(envs)
         return self._observations(), self._info(mask)
-
-    def _draw(self, envs: list[int], regions: Sequence[int | None] | None = None) -> None:
-        """Draw scenarios for ``envs``; ``regions``, if given, has one for every environment."""
-        self._batch.scenarios.draw(
-            envs,
-            [self._generator(env) for env in envs],
-            [None if regions is None else regions[env] for env in envs],
-        )
 
     def _start(self, envs: Indices) -> None:
         self._robots.end(envs)
@@ -302,7 +285,7 @@ class RobotVectorEnv(_BaseEnv):
         self._robots.damage(np.flatnonzero(is_running), self._steps)
         if was_done.any():
             envs = np.flatnonzero(was_done)
-            self._draw(envs.tolist())
+            self._batch.scenarios.draw(envs.tolist(), self._streams)
             self._start(envs)
         if self.render_mode is not None:
             self._pictures.extend(self._batch.poses, is_running)
@@ -331,7 +314,7 @@ class RobotVectorEnv(_BaseEnv):
             "final_info": self._info(done),
             "_final_info": done.copy(),
         }
-        self._draw(envs.tolist())
+        self._batch.scenarios.draw(envs.tolist(), self._streams)
         self._start(envs)
         return info
 

@@ -113,12 +113,18 @@ def check_seeds(seed: Any, count: int) -> list[int | None]:
     if seed is None:
         return [None] * count
     if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
-        return [int(seed) + i for i in range(count)]
+        return [_check_seed(int(seed)) + i for i in range(count)]
     if not isinstance(seed, np.ndarray | Sequence) or isinstance(seed, str):
         raise OptionError(f"seed must be None, an integer or a sequence of them, got {seed!r}.")
     if len(seed) != count:
         raise OptionError(f"seed must hold one for each of {count} environments, got {len(seed)}.")
-    return [None if s is None else int(s) for s in seed]
+    return [None if s is None else _check_seed(int(s)) for s in seed]
+
+
+def _check_seed(seed: int) -> int:
+    if seed < 0:
+        raise OptionError(f"A seed must not be negative, got {seed}.")
+    return seed
 
 
 def check_count(value: Any, name: str) -> int:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ncrs.engines.batched import scenario_table
-from ncrs_envs.batched import drawing, sampling
+from ncrs_envs.batched import drawing
 from ncrs_envs.batched.drawing import draw_rows
 from ncrs_envs.drawing import DrawnRows, draw_scenarios
 from ncrs_envs.mirroring import ScenarioSampling
@@ -45,21 +45,6 @@ def test_rows_are_those_drawn_one_by_one(task, grid_size, noise, mirroring):
     assert_equal(drawn, expected, grid_size)
     assert [list(row) for row in drawn] == expected
     assert [list(row) for row in drawn[3:5]] == expected[3:5]
-
-
-def test_starts_within_walls_are_drawn_again(monkeypatch):
-    met = []
-
-    def recorded(grid_size, extent, chosen, *others):
-        met.extend(chosen)
-        return again(grid_size, extent, chosen, *others)
-
-    again = drawing._draw_starts_again
-    monkeypatch.setattr(drawing, "_draw_starts_again", recorded)
-    settings = TaskSettings("obstacle")
-    drawn = draw_rows(ScenarioSampling(), settings, 5, KEYS, EPISODES)
-    assert len(met) >= 2
-    assert_equal(drawn, one_by_one(ScenarioSampling(), settings), 5)
 
 
 def test_the_number_of_threads_changes_nothing(monkeypatch):
@@ -114,4 +99,3 @@ def test_bad_numbers_are_refused():
         draw_rows(ScenarioSampling(), TaskSettings(), 5, KEYS, 0)
     with pytest.raises(ScenarioError, match="noise"):
         draw_rows(ScenarioSampling(noise=0.9), TaskSettings(), 5, KEYS, 2)
-    assert sampling.no_free_start(5).args[0].startswith("No start free of walls in 1000 draws")

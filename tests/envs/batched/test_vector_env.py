@@ -288,7 +288,7 @@ BAD_RESETS = [
     ({"options": 3}, OptionError, "dict"),
     ({"seed": [1, 2]}, ValueError, "each of 3"),
     ({"seed": "abc"}, OptionError, "seed must be"),
-    ({"seed": [1, 2, -3]}, gymnasium.error.Error, "greater or equal"),
+    ({"seed": [1, 2, -3]}, OptionError, "must not be negative"),
 ]
 
 
