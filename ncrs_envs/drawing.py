@@ -53,14 +53,21 @@ class SeededScenarios(Sequence[Scenario]):
     """Scenarios of one evaluation, with their recipe.
 
     Args:
-        scenarios: Scenarios as they were drawn.
+        scenarios: Scenarios as they were drawn; None to draw them when they are first needed.
         recipe: Record that draws the same ones; None if that needs functions that are not part of
             the package.
     """
 
-    def __init__(self, scenarios: Sequence[Scenario], recipe: ScenarioRecipe | None) -> None:
-        self._scenarios = tuple(scenarios)
+    def __init__(self, scenarios: Sequence[Scenario] | None, recipe: ScenarioRecipe | None) -> None:
+        self._drawn = None if scenarios is None else tuple(scenarios)
         self.recipe = recipe
+
+    @property
+    def _scenarios(self) -> tuple[Scenario, ...]:
+        if self._drawn is None:
+            assert self.recipe is not None
+            self._drawn = tuple(self.recipe.draw())
+        return self._drawn
 
     @overload
     def __getitem__(self, index: int) -> Scenario: ...
@@ -72,53 +79,39 @@ class SeededScenarios(Sequence[Scenario]):
         return self._scenarios[index]
 
     def __len__(self) -> int:
-        return len(self._scenarios)
+        return len(self._scenarios) if self.recipe is None else self.recipe.episodes
 
 
-class DrawnRows(Sequence[Sequence[Scenario]]):
+class DrawnRows(Sequence[SeededScenarios]):
     """Rows of scenarios that nothing happens in, as records; a row's objects are made on demand.
 
     Args:
-        sampling: Settings that they were drawn with.
-        settings: Task and its settings that they were drawn for.
-        seed: Entropy of all rows.
+        recipe: Recipe of a row, but for its spawn key.
         keys: Spawn key of each of the R rows.
         records: The E scenarios of each row for the compiled simulators, ``(R, E)``.
-        generation: As in ``ScenarioSampling.draw``.
     """
 
-    def __init__(  # noqa: PLR0913 - what the rows follow from, and the rows
-        self,
-        sampling: ScenarioSampling,
-        settings: TaskSettings,
-        seed: int,
-        keys: Keys,
-        records: Scenarios,
-        generation: int | None,
-    ) -> None:
-        self._sampling, self._settings = sampling, replace(settings)
-        self._seed, self._keys, self._generation = seed, keys, generation
+    def __init__(self, recipe: ScenarioRecipe, keys: Keys, records: Scenarios) -> None:
+        self._recipe, self._keys = recipe, keys
         self.records = records
 
     @overload
-    def __getitem__(self, index: int) -> Sequence[Scenario]: ...
+    def __getitem__(self, index: int) -> SeededScenarios: ...
 
     @overload
-    def __getitem__(self, index: slice) -> Sequence[Sequence[Scenario]]: ...
+    def __getitem__(self, index: slice) -> Sequence[SeededScenarios]: ...
 
-    def __getitem__(self, index: int | slice) -> Sequence[Scenario] | Sequence[Sequence[Scenario]]:
+    def __getitem__(self, index: int | slice) -> SeededScenarios | Sequence[SeededScenarios]:
         if isinstance(index, slice):
             return [self[row] for row in range(len(self))[index]]
-        seed = np.random.SeedSequence(self._seed, spawn_key=self._keys[index])
-        episodes = self.records.scenarios.shape[1]
-        return draw_scenarios(self._sampling, self._settings, seed, episodes, self._generation)
+        return SeededScenarios(None, replace(self._recipe, spawn_key=tuple(self._keys[index])))
 
     def __len__(self) -> int:
         return len(self._keys)
 
     def suit(self, settings: TaskSettings) -> bool:
-        """Return True if they were drawn for a task with these settings, so that they fit it."""
-        return self._settings == settings
+        """Return True if they were drawn for such a task and grid, so that they fit it."""
+        return (self._recipe.task, self._recipe.grid_size) == (settings.name, settings.grid_size)
 
 
 def draw_scenarios(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from ncrs_envs.batched.layout import Scenarios, make_scenarios
 from ncrs_envs.batched.sampling import MAX_QUADS, Sample
 from ncrs_envs.batched.streams import STREAM_SIZE, WORD, Words, seed_stream, seed_words
 from ncrs_envs.cores import available_cores
-from ncrs_envs.drawing import DrawnRows, Keys, draw_scenarios
+from ncrs_envs.drawing import DrawnRows, Keys, ScenarioRecipe, draw_scenarios
 from ncrs_envs.mirroring import STANDARD, ScenarioSampling, images_and_regions
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import BUILT_IN, Task, TaskSettings
@@ -51,19 +52,22 @@ def draw_rows(  # noqa: PLR0913 - as for one row, with the two parts of a seed
     sampling.check()
     is_compiled = _is_compiled(sampling, settings.task, generation)
     if episodes < 1 or not is_compiled or max(map(max, keys)) >= WORD:
-        return [
-            draw_scenarios(
-                sampling,
-                settings,
-                np.random.SeedSequence(seed, spawn_key=key),
-                episodes,
-                generation,
-            )
-            for key in keys
-        ]
-    words = _words(seed, keys)
-    records = _draw(sampling, settings, words, episodes)
-    return DrawnRows(sampling, settings, seed, keys, records, generation)
+        seeds = (np.random.SeedSequence(seed, spawn_key=key) for key in keys)
+        return [draw_scenarios(sampling, settings, own, episodes, generation) for own in seeds]
+    n = settings.grid_size
+    recipe = ScenarioRecipe(settings.name, n, episodes, sampling, seed, (), generation)
+    return DrawnRows(recipe, keys, _draw(sampling, settings, _words(seed, keys), episodes))
+
+
+def draw_recipes(recipes: Sequence[ScenarioRecipe]) -> Sequence[Sequence[Scenario]]:
+    """Draw the scenarios of recipes, at once where they differ in their spawn keys alone."""
+    first, keys = recipes[0], [recipe.spawn_key for recipe in recipes]
+    if len(recipes) == 1 or any(replace(recipe, spawn_key=keys[0]) != first for recipe in recipes):
+        return [recipe.draw() for recipe in recipes]
+    settings = TaskSettings(first.task, first.grid_size)
+    return draw_rows(
+        first.sampling, settings, first.entropy, keys, first.episodes, first.generation
+    )
 
 
 def _is_compiled(sampling: ScenarioSampling, task: Task, generation: int | None) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ncrs.engines.arguments import GivenBodies, ScenarioRows
 from ncrs.engines.base import EngineSettingError, RolloutResult
+from ncrs_envs.batched.drawing import draw_recipes
 from ncrs_envs.drawing import ScenarioRecipe, SeededScenarios
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import BUILT_IN, Task, TaskSettings
@@ -112,8 +113,11 @@ class Shard:
     """Name of a worker that declines this shard, so that another takes it."""
     bodies: GivenBodies = None
 
-    def scenario_rows(self) -> list[Sequence[Scenario]]:
+    def scenario_rows(self) -> Sequence[Sequence[Scenario]]:
         """Return the scenarios, drawn again where only their recipe travelled."""
+        recipes = [row for row in self.rows if isinstance(row, ScenarioRecipe)]
+        if len(recipes) == len(self.rows):
+            return draw_recipes(recipes)
         return [row.draw() if isinstance(row, ScenarioRecipe) else row for row in self.rows]
 
 

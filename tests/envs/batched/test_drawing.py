@@ -1,11 +1,13 @@
 """Scenarios of populations, drawn at once: those that are drawn one by one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ncrs.engines.batched import scenario_table
 from ncrs_envs.batched import drawing
-from ncrs_envs.batched.drawing import draw_rows
+from ncrs_envs.batched.drawing import draw_recipes, draw_rows
 from ncrs_envs.drawing import DrawnRows, draw_scenarios
 from ncrs_envs.mirroring import ScenarioSampling
 from ncrs_envs.perturbing import PerturbationSettings
@@ -86,12 +88,22 @@ def test_long_keys_are_drawn_too():
     assert list(drawn[0]) == list(draw_scenarios(ScenarioSampling(), TaskSettings(), seed, 2))
 
 
-def test_rows_suit_the_settings_that_they_were_drawn_for():
-    settings = TaskSettings()
-    drawn = draw_rows(ScenarioSampling(), settings, 5, KEYS, EPISODES)
-    assert drawn.suit(TaskSettings())
-    settings.grid_size = 7
-    assert not drawn.suit(settings)
+def test_rows_suit_the_task_that_they_were_drawn_for():
+    drawn = draw_rows(ScenarioSampling(), TaskSettings(), 5, KEYS, EPISODES)
+    assert drawn.suit(TaskSettings(success_radius=9.0))
+    assert not drawn.suit(TaskSettings(grid_size=7))
+    assert not drawn.suit(TaskSettings("obstacle"))
+
+
+def test_recipes_are_drawn_at_once_if_only_their_keys_differ():
+    settings, choice = TaskSettings("obstacle"), ScenarioSampling()
+    rows = draw_rows(choice, settings, 5, KEYS, EPISODES)
+    recipes = [row.recipe for row in rows]
+    again = draw_recipes(recipes)
+    assert isinstance(again, DrawnRows)
+    assert again.records.scenarios.tobytes() == rows.records.scenarios.tobytes()
+    mixed = draw_recipes([recipes[0], replace(recipes[1], episodes=3)])
+    assert mixed == [list(rows[0]), list(rows[1])[:3]]
 
 
 def test_bad_numbers_are_refused():
