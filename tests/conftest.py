@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,23 @@ os.environ.setdefault("NCRS_QUIET", "1")  # notices would differ from one comput
 # The tests run in a process per core: torch's threads would wait for each other, not compute.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 DATA = Path(__file__).parent / "data"
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Order files so that one process compiles the kernels while another runs what needs none.
+
+    Else both compile the same ones. The longest of the other files come first, so that both end
+    at about the same time.
+    """
+    sizes = Counter(item.path for item in items)
+
+    def rank(item: pytest.Item) -> tuple[int, int, str]:
+        compiles = item.path.name == "test_readme.py"
+        needs_none = item.path.parent.name == "optimizers"
+        return (0 if compiles else 1 if needs_none else 2, -sizes[item.path], str(item.path))
+
+    items.sort(key=rank)
 
 
 @pytest.fixture

@@ -247,7 +247,10 @@ def test_nothing_is_fetched_from_elsewhere_and_data_only_when_needed(page, archi
     assert page.js("return performance.getEntriesByType('resource').length") == 0
 
 
-@pytest.mark.parametrize("width", [320, 375, 768, 1120, 1440])
+@pytest.mark.parametrize(
+    "width",
+    [320, 1440, *(pytest.param(width, marks=pytest.mark.slow) for width in (375, 768, 1120))],
+)
 def test_nothing_is_cut_off_at_any_width(page, archive, width):
     page.open(width=width, height=800)
     page.shown()

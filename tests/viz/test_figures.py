@@ -91,6 +91,7 @@ def test_channels_and_positions(sweep, figures):
     assert float(positions[0]["goal_x"]) == pytest.approx(-36.0, abs=3.0)
 
 
+@pytest.mark.slow
 def test_quantities_have_the_same_colours_in_all_figures(sweep):
     every = _plots(group_runs(find_runs([sweep])), FigureOptions(episodes=1))
     plots = [plot for plot in every if plot is not None]
