@@ -17,8 +17,8 @@ from tests.documents import COMMAND, DOCS, PAGES, TINY, TRAIN, blocks, call, com
 
 pytestmark = pytest.mark.slow
 
-ELSEWHERE = ("tcp://", "PARTITION", "FOLDER", "engine=futures", "ncrs play")
-"""Words of lines that need other machines, a window, or a folder of the reader's."""
+ELSEWHERE = ("tcp://", "PARTITION", "FOLDER", "engine=futures", "engine=cuda", "ncrs play")
+"""Words of lines that need other machines, a GPU, a window, or a folder of the reader's."""
 LINES = [
     pytest.param(line, id=f"{name_of(page)}: {line}")
     for page in PAGES
@@ -27,7 +27,7 @@ LINES = [
 ]
 RUNS = (
     "runs/RUN", "RUN_A", "RUN_B", "runs/sweep_DATE/seed=0", "runs/first", "runs/wide",
-    "runs/carry_ball_1", "runs/carry_ball_2",
+    "runs/carry_ball_1", "runs/carry_ball_2", "runs/drafts",
 )  # fmt: skip
 """Folders of runs that lines name."""
 SMALLER = {
