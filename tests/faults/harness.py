@@ -33,6 +33,7 @@ from unittest import mock
 
 import numpy as np
 import torch
+from tqdm import tqdm
 
 import ncrs
 from ncrs.cli import main
@@ -349,7 +350,7 @@ def examine(command: str, every: int, modes: Sequence[str], once: bool = False) 
         assert code == 0, points
         code, expected = in_child(lambda: subject.outcome(reference))
         assert code == 0, expected
-        for point in points[::every]:
+        for point in tqdm(points[::every], command, disable=None):  # nothing but on a terminal
             fitting = [mode for mode in modes_of(point) if mode in modes]
             for mode in fitting[: 1 if once else None]:
                 shutil.rmtree(folder, ignore_errors=True)
