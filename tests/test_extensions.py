@@ -95,7 +95,7 @@ def test_a_module_that_is_missing_is_named(monkeypatch):
         load_extensions()
 
 
-@pytest.mark.parametrize("folder", [".", "elsewhere"])
+@pytest.mark.parametrize("folder", [".", pytest.param("elsewhere", marks=pytest.mark.slow)])
 def test_a_module_named_in_the_environment_is_found(folder, tmp_path):
     module = tmp_path / folder / "lab_tasks.py"
     module.parent.mkdir(exist_ok=True)

@@ -99,7 +99,7 @@ def _as_script(cell: str) -> str:
 
 
 # The site's build runs the notebook.
-LONG = ("training.md", "extending.md", "tutorials/by_hand.md")
+LONG = ("training.md", "extending.md", "damage.md", "tutorials/by_hand.md")
 
 
 @pytest.mark.parametrize(

@@ -122,6 +122,7 @@ def test_finding_by_numbers(page, archive):
     assert "No body of this task can have" in page.find("#cell-info").text
 
 
+@pytest.mark.slow
 def test_playing_scrubbing_and_growth(page):
     page.open()
     page.shown()
