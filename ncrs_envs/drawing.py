@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ncrs_envs.batched.layout import Scenarios
 
 Keys = Sequence[tuple[int, ...]]
-"""Spawn keys of seeds, all of the same length."""
+"""Spawn keys of seeds."""
 
 
 @dataclass(frozen=True)

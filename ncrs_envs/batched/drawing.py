@@ -42,7 +42,7 @@ def draw_rows(  # noqa: PLR0913 - as for one row, with the two parts of a seed
         sampling: Settings of the sampling.
         settings: Task and its settings.
         seed: Entropy of all rows.
-        keys: Spawn key of each row, all of the same length, at least 1.
+        keys: Spawn key of each row.
         episodes: Number of scenarios of a row.
         generation: As in ``ScenarioSampling.draw``.
 
@@ -50,8 +50,8 @@ def draw_rows(  # noqa: PLR0913 - as for one row, with the two parts of a seed
         ScenarioError: ``episodes`` is not a positive integer, or the sampling is out of range.
     """
     sampling.check()
-    is_compiled = _is_compiled(sampling, settings.task, generation)
-    if episodes < 1 or not is_compiled or max(map(max, keys)) >= WORD:
+    is_compiled = _is_compiled(sampling, settings.task, generation) and _are_words(keys)
+    if episodes < 1 or not is_compiled:
         seeds = (np.random.SeedSequence(seed, spawn_key=key) for key in keys)
         return [draw_scenarios(sampling, settings, own, episodes, generation) for own in seeds]
     n = settings.grid_size
@@ -79,6 +79,11 @@ def _is_compiled(sampling: ScenarioSampling, task: Task, generation: int | None)
         and not sampling.perturbations.at(generation).is_any
         and not (task.has_walls and sampling.mirroring != "none")
     )
+
+
+def _are_words(keys: Keys) -> bool:
+    """Return True if every number is one word, and all keys have equally many."""
+    return len(set(map(len, keys))) == 1 and all(number < WORD for key in keys for number in key)
 
 
 def _words(seed: int, keys: Keys) -> Words:

@@ -55,7 +55,7 @@ class _Walls(NamedTuple):
 
 
 class Sample:
-    """Scenarios of a task that comes with the package, each drawn from a stream of its own.
+    """Scenarios of a task without placements of its own, each drawn from a stream of its own.
 
     Args:
         task: The task.

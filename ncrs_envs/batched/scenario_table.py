@@ -16,7 +16,7 @@ from ncrs_envs.batched.records import scenario_records
 from ncrs_envs.batched.sampling import MAX_QUADS, RANDOM_REGION, Sample
 from ncrs_envs.perturbations import Damage
 from ncrs_envs.scenario import NOISE, Scenario, sample_scenario
-from ncrs_envs.tasks import BUILT_IN, Task
+from ncrs_envs.tasks import Task
 
 Indices = NDArray[np.intp]
 
@@ -89,7 +89,7 @@ class ScenarioTable:
         if not episodes:
             return
         given = [None if regions is None else regions[episode] for episode in episodes]
-        if self._task not in BUILT_IN:
+        if self._task.place is not None:
             pairs = zip(map(streams.generator, episodes), given, strict=True)
             drawn = [sample_scenario(self._task, g, region, self._grid_size) for g, region in pairs]
             self.put(episodes, drawn)

@@ -104,6 +104,9 @@ def test_recipes_are_drawn_at_once_if_only_their_keys_differ():
     assert again.records.scenarios.tobytes() == rows.records.scenarios.tobytes()
     mixed = draw_recipes([recipes[0], replace(recipes[1], episodes=3)])
     assert mixed == [list(rows[0]), list(rows[1])[:3]]
+    for keys in ([(), ()], [(), (4,)]):  # the same row twice, and keys of other lengths
+        own = [replace(recipes[0], spawn_key=key) for key in keys]
+        assert [list(row) for row in draw_recipes(own)] == [recipe.draw() for recipe in own]
 
 
 def test_bad_numbers_are_refused():
