@@ -108,23 +108,25 @@ def check_seeds(seed: Any, count: int) -> list[int | None]:
     An integer ``s`` stands for ``s, s + 1, ...``, as in Gymnasium.
 
     Raises:
-        OptionError: A sequence has the wrong length, or a seed has another type.
+        OptionError: A sequence has the wrong length, or a seed has another type or is negative.
     """
     if seed is None:
         return [None] * count
     if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
-        return [_check_seed(int(seed)) + i for i in range(count)]
+        return [_check_seed(seed) + i for i in range(count)]
     if not isinstance(seed, np.ndarray | Sequence) or isinstance(seed, str):
         raise OptionError(f"seed must be None, an integer or a sequence of them, got {seed!r}.")
     if len(seed) != count:
         raise OptionError(f"seed must hold one for each of {count} environments, got {len(seed)}.")
-    return [None if s is None else _check_seed(int(s)) for s in seed]
+    return [None if s is None else _check_seed(s) for s in seed]
 
 
-def _check_seed(seed: int) -> int:
+def _check_seed(seed: Any) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer):
+        raise OptionError(f"A seed must be an integer, got {seed!r}.")
     if seed < 0:
         raise OptionError(f"A seed must not be negative, got {seed}.")
-    return seed
+    return int(seed)
 
 
 def check_count(value: Any, name: str) -> int:

@@ -289,6 +289,8 @@ BAD_RESETS = [
     ({"seed": [1, 2]}, ValueError, "each of 3"),
     ({"seed": "abc"}, OptionError, "seed must be"),
     ({"seed": [1, 2, -3]}, OptionError, "must not be negative"),
+    ({"seed": [1, 1.7, 2]}, OptionError, "must be an integer, got 1.7"),
+    ({"seed": [True, 1, 2]}, OptionError, "must be an integer, got True"),
 ]
 
 
