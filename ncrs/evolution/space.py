@@ -22,6 +22,8 @@ CARRIER = "carrier"
 SPARE, REPAIRING = "spare_parts", "repairing"
 """Names of the spaces of the gains of robots that go on after damage, see
 ``ncrs.automaton.survivor``: one with spare parts, and one that grows back."""
+RELAYS = "relays"
+"""Name of the space of ``ncrs.automaton.relays``, in a grown body."""
 
 
 class SpaceError(NCRSError, ValueError):
@@ -123,6 +125,45 @@ class WeightMap(SearchSpace):
         return genomes
 
 
+class LinearMap(SearchSpace):
+    """Combinations of directions around a genome: ``base + matrix @ point``.
+
+    Args:
+        layout: Layout of the search's task.
+        base: Genome where all coordinates are 0, ``(num_parameters,)``.
+        matrix: Change of the genome by coordinate, ``(num_parameters, D)``.
+        start: Point at which the search starts; None for zeros.
+
+    Raises:
+        SpaceError: If the arrays do not fit each other or the genome, or are not finite.
+    """
+
+    def __init__(
+        self, layout: NCALayout, base: Values, matrix: Values, start: Values | None = None
+    ) -> None:
+        size = layout.num_parameters
+        self._base, directions = np.array(base, float), np.array(matrix, float)
+        if self._base.shape != (size,) or directions.ndim != 2 or len(directions) != size:
+            raise SpaceError(
+                f"base must have shape ({size},) and matrix ({size}, D), got {self._base.shape} "
+                f"and {directions.shape}."
+            )
+        if not (np.isfinite(self._base).all() and np.isfinite(directions).all()):
+            raise SpaceError("base and matrix must be finite.")
+        count = directions.shape[1]
+        super().__init__(layout, np.zeros(count) if start is None else start)
+        if self.start.shape != (count,):
+            raise SpaceError(f"start must have shape ({count},), got {self.start.shape}.")
+        self._weights, self._coordinates = np.nonzero(directions)
+        self._steps = directions[self._weights, self._coordinates]
+
+    def genomes(self, points: Values) -> Values:
+        """Return the base with the moved directions."""
+        moves = self._steps * points[:, self._coordinates]
+        size = len(self._base)
+        return np.stack([self._base + np.bincount(self._weights, move, size) for move in moves])
+
+
 class GainSpace(SearchSpace):
     """Gains by name, from which a function makes a genome, such as a ``Circuit`` and a body.
 
@@ -191,6 +232,29 @@ def _survivor_gains(name: str) -> SpaceFactory:
     return make
 
 
+def _relays(layout: NCALayout, start: Values | None) -> SearchSpace:
+    from ncrs.automaton.grow_to import grow_to
+    from ncrs.automaton.relays import BODIES, RelayMap
+
+    relays = RelayMap(layout)
+    if start is None:
+        task = layout.task.name
+        if task not in BODIES:
+            raise SpaceError(
+                f"The space {RELAYS} has no body for {task}: grow one, numpy.save('body.npy', "
+                f"ncrs.grow_to(BODY, {task!r})), and start from it with start_from=body.npy."
+            )
+        start = grow_to(BODIES[task], task).astype(np.float64)
+    point = relays.coordinates_of(start)
+    if point is None:
+        raise SpaceError(
+            f"The space {RELAYS} starts from a body that ncrs.grow_to has grown, or from a genome "
+            "of this space; start_from names another genome."
+        )
+    body = np.where(relays.is_control, 0.0, start)
+    return LinearMap(layout, relays.base + body, relays.matrix, point)
+
+
 SPACES: Registry[SpaceFactory] = Registry(
     "search space",
     {
@@ -198,6 +262,7 @@ SPACES: Registry[SpaceFactory] = Registry(
         CARRIER: _carrier_gains,
         SPARE: _survivor_gains(SPARE),
         REPAIRING: _survivor_gains(REPAIRING),
+        RELAYS: _relays,
     },
 )
 

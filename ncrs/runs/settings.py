@@ -85,7 +85,8 @@ class TrainConfig:
     recovery_bonus: float = 0.0
     """Bonus on that fitness, times the fraction of the lost modules that are back in the end."""
     space: str = WEIGHTS
-    """Search space: weights, all of them; the gains of a robot by hand: carrier, which carries the
+    """Search space: weights, all of them; relays, sums and differences of what neighbours hold, in
+    a body that is grown from the start; the gains of a robot by hand: carrier, which carries the
     ball, spare_parts or repairing, which go on after damage; or the name of a registered one."""
     start_from: str | None = None
     """Genome at which the search starts, instead of zero: a run's folder, a champion's file, or the

@@ -34,7 +34,10 @@ def search_space(config: TrainConfig) -> SearchSpace:
     except SpaceError as error:
         raise ConfigError(str(error)) from error
     if config.space != WEIGHTS and config.symmetric:
-        _check_symmetric(layout, space.genomes(space.start[None])[0], f"space={config.space}")
+        # At its start a space may treat both sides alike that does not anywhere else.
+        beside = space.start + np.linspace(0.5, 1.0, space.dimension)
+        for genome in space.genomes(np.stack([space.start, beside])):
+            _check_symmetric(layout, genome, f"space={config.space}")
     return space
 
 

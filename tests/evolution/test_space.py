@@ -10,6 +10,7 @@ from ncrs.evolution.space import (
     SPACES,
     AllWeights,
     GainSpace,
+    LinearMap,
     SpaceError,
     WeightMap,
     check_space,
@@ -65,6 +66,67 @@ def test_weights_follow_their_coordinates():
 def test_maps_that_do_not_fit_are_refused(arguments, message):
     with pytest.raises(SpaceError, match=message):
         WeightMap(LAYOUT, None, *arguments)
+
+
+def test_directions_are_added_point_by_point():
+    matrix = np.zeros((SIZE, 2))
+    matrix[7], matrix[9, 1] = [1.0, -2.0], 0.5
+    base = np.arange(SIZE, dtype=float)
+    space = LinearMap(LAYOUT, base, matrix, np.array([0.0, 1.0]))
+    np.testing.assert_array_equal(space.start, [0, 1])
+    expected = base.copy()
+    expected[[7, 9]] += [3.0 - 2.0 * 4.0, 0.5 * 4.0]
+    found = space.genomes(np.array([[3.0, 4.0], [0.0, 0.0]]))
+    np.testing.assert_array_equal(found, [expected, base])
+    np.testing.assert_array_equal(space.genomes(np.array([[3.0, 4.0]])), found[:1])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((np.zeros(3), np.zeros((SIZE, 2))), r"base must have shape \(4572,\)"),
+        ((np.zeros(SIZE), np.zeros((3, 2))), r"matrix \(4572, D\), got .* and \(3, 2\)"),
+        ((np.zeros(SIZE), np.zeros(SIZE)), r"matrix \(4572, D\)"),
+        ((np.zeros(SIZE), np.full((SIZE, 2), np.nan)), "must be finite"),
+        ((np.zeros(SIZE), np.zeros((SIZE, 2)), np.zeros(3)), r"start must have shape \(2,\)"),
+        ((np.zeros(SIZE), np.zeros((SIZE, 0))), "starts at a vector of finite numbers"),
+    ],
+)
+def test_directions_that_do_not_fit_are_refused(arguments, message):
+    with pytest.raises(SpaceError, match=message):
+        LinearMap(LAYOUT, *arguments)
+
+
+def test_relays_start_with_their_body_a_grown_one_or_where_a_search_ended(tmp_path):
+    layout = nca_layout("carry_ball")
+    relays = SPACES["relays"]
+    point = np.random.default_rng(0).normal(scale=0.1, size=(1, relays(layout, None).dimension))
+    genome = relays(layout, None).genomes(point)[0]
+    ended = relays(layout, genome.astype(np.float32).astype(float))
+    np.testing.assert_allclose(ended.start, point[0], atol=1e-3)
+    np.testing.assert_allclose(ended.genomes(ended.start[None])[0], genome, atol=1e-3)
+
+    body = ["L.L", "WWW", "..."]
+    grown = ncrs.grow_to(body, "obstacle").astype(float)
+    of_ones_own = relays(nca_layout("obstacle"), grown)
+    assert not of_ones_own.start.any()
+    found = of_ones_own.genomes(of_ones_own.start[None])
+    result = ncrs.evaluate(found, "obstacle", episodes=1, grid_size=3, engine="batched")
+    np.testing.assert_array_equal(result.bodies[0], parse_body(body))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"task": {"name": "obstacle"}}, "no body for obstacle: grow one"),
+        ({"start_from": "carry_ball/best"}, "starts from a body that ncrs.grow_to has grown"),
+        ({"symmetric": True}, "space=relays does not treat left and right alike"),
+    ],
+)
+def test_relays_that_do_not_fit_are_refused(tmp_path, settings, message):
+    with pytest.raises(ConfigError, match=message):
+        ncrs.train(tmp_path / "run", **{**CARRIER, "space": "relays", **settings})
+    assert not (tmp_path / "run").exists()
 
 
 def test_gains_are_searched_in_units_of_their_start():
