@@ -30,6 +30,12 @@ _ENDING = 0.75
 """Share of the ball's way that is behind it at ease 1."""
 _GAP = 3.0
 """Distance of the robot's grid from the ball at ease 1, in ball radii."""
+_BEHIND = 1.0 / 3.0
+"""Share of the robots that begin right behind the ball at ease 1 of ``along``."""
+_FULL_EASE = 0.625
+"""Ease from which ``along`` begins to move robots back to their own starts."""
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+"""Golden ratio's fractional part; its multiples are spread evenly between the integers."""
 
 
 def nearer(scenario: Scenario, ease: float, task: Task, grid_size: int) -> Scenario:
@@ -69,9 +75,35 @@ def reverse(scenario: Scenario, ease: float, task: Task, grid_size: int) -> Scen
         assert scenario.light is not None
         return replace(scenario, start=_between(scenario.start, scenario.light, _NEARER * ease))
     ball = _between(scenario.ball, scenario.target, _ENDING * ease)
-    gap = grid_size * CELL_SIZE / 2.0 + _GAP * BALL_RADIUS
-    behind = (ball[0], ball[1] - math.copysign(gap, scenario.ball[1] - scenario.start[1]))
+    behind = _behind(ball, scenario, grid_size)
     return replace(scenario, ball=ball, start=_between(scenario.start, behind, ease))
+
+
+def along(scenario: Scenario, ease: float, task: Task, grid_size: int) -> Scenario:
+    """Begin anywhere on the way to the ball, in a third of the scenarios right behind it.
+
+    So a robot practises the end of the task and its beginning at the same time. The robots move
+    back to their own starts in the last five eighths of the curriculum.
+
+    Raises:
+        ScenarioError: If there is no ball.
+    """
+    if scenario.ball is None:
+        raise ScenarioError(
+            f"The curriculum 'along' does not suit {task.name}, which has no ball. Use 'nearer'."
+        )
+    # The scenario decides its share of the way by itself, as its mirror images do.
+    spread = (abs(scenario.ball[0] - scenario.start[0]) * _GOLDEN) % 1.0
+    share = min(1.0, spread / (1.0 - _BEHIND)) * min(1.0, ease / _FULL_EASE)
+    behind = _behind(scenario.ball, scenario, grid_size)
+    return replace(scenario, start=_between(scenario.start, behind, share))
+
+
+def _behind(ball: Point, scenario: Scenario, grid_size: int) -> Point:
+    """Return the place right behind a ball, on the side of the scenario's start."""
+    assert scenario.ball is not None
+    gap = grid_size * CELL_SIZE / 2.0 + _GAP * BALL_RADIUS
+    return (ball[0], ball[1] - math.copysign(gap, scenario.ball[1] - scenario.start[1]))
 
 
 def _between(point: Point, other: Point, share: float) -> Point:
@@ -89,6 +121,7 @@ OWN_CURRICULA: dict[str, EaseFunction | None] = {
     NO_CURRICULUM: None,
     "nearer": nearer,
     "reverse": reverse,
+    "along": along,
 }
 """Those that come with the package."""
 CURRICULA: Registry[EaseFunction | None] = Registry("curriculum", OWN_CURRICULA)

@@ -68,7 +68,8 @@ class TrainConfig:
     paper's 0.05."""
     curriculum: str = NO_CURRICULUM
     """Scenarios that begin easy and become the task's own: nearer, with the light or ball nearer
-    and a passage wider; reverse, near the end; or the name of a registered one."""
+    and a passage wider; reverse, near the end; along, anywhere on the way to the ball; or the name
+    of a registered one."""
     curriculum_generations: int = 500
     """Generations over which a curriculum's scenarios become the task's own."""
     symmetric: bool = True

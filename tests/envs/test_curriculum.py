@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ncrs_envs.curriculum import CURRICULA, check_curriculum, eased, nearer, reverse
+from ncrs_envs.curriculum import CURRICULA, along, check_curriculum, eased, nearer, reverse
 from ncrs_envs.mirroring import ScenarioSampling, mirror_front_back, mirror_left_right
 from ncrs_envs.scenario import ScenarioError, sample_scenarios
 from ncrs_envs.tasks import TASKS, get_task
@@ -14,6 +14,7 @@ SUITABLE = [
     for task in TASKS
     for name in NAMES
     if not (get_task(task).has_walls and name == "reverse")
+    and not (not get_task(task).has_ball and name == "along")
 ]
 
 
@@ -70,6 +71,27 @@ def test_reverse_begins_behind_the_ball_near_the_target():
         reverse(sample_scenarios("obstacle", 0, 1)[0], 1.0, get_task("obstacle"), 5)
     with pytest.raises(ScenarioError, match=r"curriculum must be one of \['none', 'nearer'"):
         check_curriculum("harder")
+
+
+def test_along_begins_anywhere_on_the_way_to_the_ball():
+    task = get_task("carry_ball")
+    shares, later = [], []
+    for scenario in sample_scenarios(task, 1, 400):
+        behind = (scenario.ball[0], scenario.ball[1] - 8.0)
+        way = distance(scenario.start, behind)
+        for ease, found in ((1.0, shares), (0.3125, later)):
+            changed = along(scenario, ease, task, 5)
+            assert (changed.ball, changed.target) == (scenario.ball, scenario.target)
+            found.append(distance(scenario.start, changed.start) / way)
+            left = distance(changed.start, behind) / way
+            assert found[-1] + left == pytest.approx(1.0)  # on the straight line
+        assert along(scenario, 0.7, task, 5) == along(scenario, 1.0, task, 5)
+    # A third begin behind the ball, the others evenly spread; at half of full ease half as far on.
+    assert np.mean(np.array(shares) > 0.999) == pytest.approx(1 / 3, abs=0.05)
+    np.testing.assert_allclose(np.quantile(shares, [0.2, 0.4]), [0.3, 0.6], atol=0.06)
+    np.testing.assert_allclose(later, 0.5 * np.array(shares), atol=1e-12)
+    with pytest.raises(ScenarioError, match=r"does not suit light_chase, which has no ball"):
+        along(sample_scenarios("light_chase", 0, 1)[0], 1.0, get_task("light_chase"), 5)
 
 
 def test_ease_falls_over_the_generations():
