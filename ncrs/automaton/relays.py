@@ -30,14 +30,21 @@ Values = NDArray[np.float64]
 
 BODIES = {
     "light_chase": "...../LWWWL/WWWWW/WWWWW/L...L",
-    "carry_ball": "W...W/WTWTW/WWWWW/.LWL./.....",
+    "carry_ball": ".W.W./WTWTW/WWWWW/.LWL./.....",
 }
-"""Bodies to start with, by task: two sensors of a kind beside a cell that can compare them."""
+"""Bodies to start with, by task: two sensors of a kind beside a cell that can compare them. The
+ball fits between the prongs with no room to slide: held there, it is straight ahead, and a robot
+that turns towards ball and target at the same time turns towards the target alone."""
 
-SENSED_STEP, SENSED_CONTRAST_STEP = 1.0, 20.0
+RELAYS = 4
+"""Number of hidden channels in use, two pairs: a wider search takes longer, and found no more."""
+
+SENSED_STEP, SENSED_CONTRAST_STEP = 1.0, 80.0
 """Step sizes of the weights of the input/output channel, and of its differences."""
 HIDDEN_STEP, HIDDEN_CONTRAST_STEP = 0.35, 4.0
 """Step sizes of the weights of hidden channels, and of their differences."""
+GAS_STEP = 2.0
+"""Step size of the weights with which hidden channels add to a wheel's gas."""
 PART_STEP, GATE_STEP = 0.5, 5.0
 """Step sizes of what the parts around add to a sum, and to its gate."""
 
@@ -159,21 +166,22 @@ class RelayMap:
     def _coordinates(self) -> Iterator[Iterable[_Term]]:
         """List the terms of each coordinate; mirror images go without saying."""
         gas = self._layout.io_channel
-        for channel in self._hidden[::2]:
-            for source in self._hidden:
+        for channel in self._hidden[:RELAYS:2]:
+            for source in self._hidden[:RELAYS]:
                 contrast = HIDDEN_STEP if source == channel else HIDDEN_CONTRAST_STEP
                 yield from _row_terms(channel, source, HIDDEN_STEP, contrast)
             yield from _row_terms(channel, gas, SENSED_STEP, SENSED_CONTRAST_STEP)
             for source in self._parts:
                 for row, column in np.ndindex(KERNEL_SIZE, KERNEL_SIZE):
-                    yield [_Term(channel, source, row, column, PART_STEP)]
+                    if row == column == _MIDDLE:
+                        yield [_Term(channel, source, row, column, PART_STEP)]
                     yield [_Term(channel, source, row, column, GATE_STEP, is_gate=True)]
             # The control flag, 1 while the robot drives, stands for a constant.
             yield [_Term(channel, CONTROL_CHANNEL, _MIDDLE, _MIDDLE, PART_STEP)]
             yield [_Term(channel, CONTROL_CHANNEL, _MIDDLE, _MIDDLE, GATE_STEP, is_gate=True)]
-        for source in self._hidden[::2]:
+        for source in self._hidden[:RELAYS:2]:
             for row, column in np.ndindex(KERNEL_SIZE, KERNEL_SIZE):
-                yield [_Term(gas, source, row, column, HIDDEN_STEP)]
+                yield [_Term(gas, source, row, column, GAS_STEP)]
         for source in (*self._parts, gas):
             for row, column in np.ndindex(KERNEL_SIZE, _MIDDLE + 1):
                 yield [_Term(gas, source, row, column, PART_STEP)]

@@ -8,6 +8,7 @@ from ncrs.automaton.channels import nca_layout
 from ncrs.automaton.nca import nca_of
 from ncrs.automaton.relays import (
     BODIES,
+    GAS_STEP,
     GATE_STEP,
     HIDDEN_CONTRAST_STEP,
     HIDDEN_STEP,
@@ -54,7 +55,8 @@ def test_coordinates_are_independent(task):
 
 def test_steps_are_those_of_the_kinds():
     assert set(np.abs(RELAYS.matrix[RELAYS.matrix != 0])) == {
-        SENSED_STEP, SENSED_CONTRAST_STEP, HIDDEN_STEP, HIDDEN_CONTRAST_STEP, PART_STEP, GATE_STEP,
+        SENSED_STEP, SENSED_CONTRAST_STEP, HIDDEN_STEP, HIDDEN_CONTRAST_STEP, GAS_STEP, PART_STEP,
+        GATE_STEP,
     }  # fmt: skip
 
 
@@ -91,9 +93,9 @@ def test_a_difference_reaches_both_hidden_channels_with_opposite_signs():
     controller = controller_of(RELAYS.base + RELAYS.matrix[:, wanted[0]] + BODY)
     controller.act(sensed)
     states = controller.states
-    # Between the light sensors: 20 times the difference of 0.03.
-    np.testing.assert_allclose(states[3, 2, first], 0.6, atol=1e-4)
-    np.testing.assert_allclose(states[3, 2, second], -0.6, atol=1e-4)
+    # Between the light sensors: their difference, times its step.
+    np.testing.assert_allclose(states[3, 2, first], 0.03 * SENSED_CONTRAST_STEP, atol=1e-4)
+    np.testing.assert_allclose(states[3, 2, second], -0.03 * SENSED_CONTRAST_STEP, atol=1e-4)
 
 
 def test_coordinates_of_genomes():
