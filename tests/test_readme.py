@@ -59,6 +59,7 @@ EXPECTED = {
         "longer.curves['fitness/mean'].shape": [3],
         "longer.finished": True,
     },
+    "how/spaces.md": {"len(body)": 5, "np.load('body.npy').shape": [4572]},
     "tutorials/by_hand.md": {
         "float(success)": 1.0,
         "round(float(fitness), 3)": 0.738,

@@ -105,5 +105,5 @@ def test_coordinates_of_genomes():
         found = RELAYS.coordinates_of(genome.astype(float))
         np.testing.assert_allclose(found, point, atol=1e-3)
     np.testing.assert_array_equal(RELAYS.coordinates_of(BODY), np.zeros(points.shape[1]))
-    best = ncrs.load_champion("carry_ball/best").genome
+    best = ncrs.load_champion("carry_ball/cma_es").genome
     assert RELAYS.coordinates_of(best.astype(float)) is None

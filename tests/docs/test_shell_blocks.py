@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import ncrs
+from ncrs.automaton.relays import BODIES
 from tests.documents import COMMAND, DOCS, PAGES, TINY, TRAIN, blocks, call, command_lines, name_of
 
 pytestmark = pytest.mark.slow
@@ -27,9 +28,11 @@ LINES = [
 ]
 RUNS = (
     "runs/RUN", "RUN_A", "RUN_B", "runs/sweep_DATE/seed=0", "runs/first", "runs/wide",
-    "runs/carry_ball_1", "runs/carry_ball_2", "runs/drafts",
+    "runs/drafts",
 )  # fmt: skip
 """Folders of runs that lines name."""
+STAGES = ("runs/carry_ball_1", "runs/carry_ball_2")
+"""Folders of runs that later stages start from."""
 SMALLER = {
     r"^generations=.*": "generations=1",
     r"^episodes=.*": "episodes=2",
@@ -50,6 +53,10 @@ def folder(tmp_path_factory):
     call([*TRAIN, *shlex.split(TINY), *start, "hydra.run.dir=RUN_DIR"], folder)
     for name in RUNS:
         shutil.copytree(folder / "RUN_DIR", folder / name)
+    stage = [*shlex.split(TINY), "experiment=best/carry_ball_1", f"hydra.run.dir={STAGES[0]}"]
+    call([*TRAIN, *stage], folder)
+    shutil.copytree(folder / STAGES[0], folder / STAGES[1])
+    np.save(folder / "body.npy", ncrs.grow_to(BODIES["light_chase"], "light_chase"))
     genome = ncrs.load_champion("obstacle/best").genome
     np.save(folder / "genome.npy", genome)
     return folder

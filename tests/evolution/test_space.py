@@ -119,7 +119,7 @@ def test_relays_start_with_their_body_a_grown_one_or_where_a_search_ended(tmp_pa
     ("settings", "message"),
     [
         ({"task": {"name": "obstacle"}}, "no body for obstacle: grow one"),
-        ({"start_from": "carry_ball/best"}, "starts from a body that ncrs.grow_to has grown"),
+        ({"start_from": "carry_ball/cma_es"}, "starts from a body that ncrs.grow_to has grown"),
         ({"symmetric": True}, "space=relays does not treat left and right alike"),
     ],
 )
