@@ -49,6 +49,7 @@ def test_without_weights_every_wheel_has_full_gas():
 @pytest.mark.parametrize("task", ["light_chase", "obstacle", "carry_ball", "obstacle_touch"])
 def test_coordinates_are_independent(task):
     matrix = RelayMap(nca_layout(task)).matrix
+    assert matrix.shape == {"carry_ball": (4873, 223)}.get(task, matrix.shape)
     assert np.linalg.matrix_rank(matrix) == matrix.shape[1]
     assert matrix.any(axis=0).all()
 

@@ -34,7 +34,8 @@ def scenarios(task):
         return [replace(case, light=(3.0 + i, 6.2)) for i, case in enumerate(drawn)]
     if task == "carry_ball":
         return [
-            replace(case, ball=(case.start[0] + i, case.start[1] + 6.1))
+            # In front of a prong, or of its edge.
+            replace(case, ball=(case.start[0] + 2.0 - i, case.start[1] + 6.1))
             for i, case in enumerate(drawn)
         ]
     cases = []
