@@ -45,7 +45,9 @@ class Page:
         WebDriverWait(self.driver, WAIT_S, 0.05).until(lambda _: condition())
 
     def find(self, css):
-        return self.driver.find_element(By.CSS_SELECTOR, css)
+        """Return the first such element, once there is one: pages make some after a click."""
+        self.wait(lambda: self.all(css))
+        return self.all(css)[0]
 
     def all(self, css):
         return self.driver.find_elements(By.CSS_SELECTOR, css)
