@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,29 @@ class AllWeights(SearchSpace):
         return points
 
 
-class WeightMap(SearchSpace):
+class _Moves(NamedTuple):
+    """K moves, each of which adds a multiple of a coordinate to a weight."""
+
+    weights: NDArray[Any]
+    coordinates: NDArray[Any]
+    steps: Values
+
+
+class _MovedWeights(SearchSpace):
+    """Genomes around a base, by moves."""
+
+    def __init__(self, layout: NCALayout, start: Values, base: Values, moves: _Moves) -> None:
+        super().__init__(layout, start)
+        self._base, self._moves = base, moves
+
+    def genomes(self, points: Values) -> Values:
+        """Return the base with the moved weights."""
+        weights, coordinates, steps = self._moves
+        added = steps * points[:, coordinates]
+        return np.stack([self._base + np.bincount(weights, one, len(self._base)) for one in added])
+
+
+class WeightMap(_MovedWeights):
     """Some weights around a genome, each of which follows a coordinate.
 
     ``genome[weights[k]] = base[weights[k]] + steps[k] * point[coordinates[k]]``: a mask where each
@@ -113,19 +135,12 @@ class WeightMap(SearchSpace):
         factors = np.broadcast_to(np.asarray(steps, dtype=np.float64), places.shape)
         if not (np.isfinite(factors) & (factors != 0)).all():
             raise SpaceError("steps must be finite and not 0.")
-        super().__init__(layout, np.zeros(count))
-        size = layout.num_parameters
-        self._base = np.zeros(size) if base is None else np.asarray(base, dtype=np.float64)
-        self._weights, self._coordinates, self._steps = places, followed, factors
-
-    def genomes(self, points: Values) -> Values:
-        """Return the base with the moved weights."""
-        genomes = np.tile(self._base, (len(points), 1))
-        genomes[:, self._weights] += points[:, self._coordinates] * self._steps
-        return genomes
+        zeros = np.zeros(layout.num_parameters)
+        around = zeros if base is None else np.asarray(base, dtype=np.float64)
+        super().__init__(layout, np.zeros(count), around, _Moves(places, followed, factors))
 
 
-class LinearMap(SearchSpace):
+class LinearMap(_MovedWeights):
     """Combinations of directions around a genome: ``base + matrix @ point``.
 
     Args:
@@ -142,26 +157,20 @@ class LinearMap(SearchSpace):
         self, layout: NCALayout, base: Values, matrix: Values, start: Values | None = None
     ) -> None:
         size = layout.num_parameters
-        self._base, directions = np.array(base, float), np.array(matrix, float)
-        if self._base.shape != (size,) or directions.ndim != 2 or len(directions) != size:
+        around, directions = np.array(base, float), np.array(matrix, float)
+        if around.shape != (size,) or directions.ndim != 2 or len(directions) != size:
             raise SpaceError(
-                f"base must have shape ({size},) and matrix ({size}, D), got {self._base.shape} "
+                f"base must have shape ({size},) and matrix ({size}, D), got {around.shape} "
                 f"and {directions.shape}."
             )
-        if not (np.isfinite(self._base).all() and np.isfinite(directions).all()):
+        if not (np.isfinite(around).all() and np.isfinite(directions).all()):
             raise SpaceError("base and matrix must be finite.")
         count = directions.shape[1]
-        super().__init__(layout, np.zeros(count) if start is None else start)
+        weights, coordinates = np.nonzero(directions)
+        moves = _Moves(weights, coordinates, directions[weights, coordinates])
+        super().__init__(layout, np.zeros(count) if start is None else start, around, moves)
         if self.start.shape != (count,):
             raise SpaceError(f"start must have shape ({count},), got {self.start.shape}.")
-        self._weights, self._coordinates = np.nonzero(directions)
-        self._steps = directions[self._weights, self._coordinates]
-
-    def genomes(self, points: Values) -> Values:
-        """Return the base with the moved directions."""
-        moves = self._steps * points[:, self._coordinates]
-        size = len(self._base)
-        return np.stack([self._base + np.bincount(self._weights, move, size) for move in moves])
 
 
 class GainSpace(SearchSpace):
