@@ -25,6 +25,8 @@ KERNEL_SIZE = 3
 ALIVE_THRESHOLD = 0.1
 STATE_LIMIT = 5.0
 """Limit of the states, which are clipped to [-5, 5] after every update."""
+LARGEST_CHANGE = 2.0 * STATE_LIMIT
+"""From anywhere a change of that size reaches the limit: a larger one is not needed."""
 STEPS_PER_ACTION = 2
 
 

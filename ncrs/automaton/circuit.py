@@ -14,6 +14,7 @@ from ncrs.automaton.channels import (
     FIRST_PART_CHANNEL,
     HIDDEN_UNITS,
     KERNEL_SIZE,
+    LARGEST_CHANGE,
     STATE_LIMIT,
     nca_layout,
 )
@@ -225,9 +226,8 @@ class Circuit:
             raise CircuitError(f"{channel} does not change during control; set one of {names}.")
         if index in self._changes:
             raise CircuitError(f"{channel} is set already.")
-        # From anywhere a change by twice the limit reaches the limit: a larger one is not needed.
         change = signal - self._tap(index, 0, 0)
-        self._changes[index] = change.at(LAYERS, -2.0 * STATE_LIMIT)
+        self._changes[index] = change.at(LAYERS, -LARGEST_CHANGE)
 
     def _index(self, channel: str) -> int:
         names = self._layout.channel_names

@@ -21,7 +21,7 @@ from ncrs.automaton.channels import (
     CONTROL_CHANNEL,
     HIDDEN_UNITS,
     KERNEL_SIZE,
-    STATE_LIMIT,
+    LARGEST_CHANGE,
     NCALayout,
 )
 from ncrs.automaton.grow_to import GROWTH_UNITS
@@ -52,8 +52,6 @@ _MIDDLE = KERNEL_SIZE // 2
 _SILENCE = 512.0
 """Bias that keeps the units silent while the body grows; a power of two, which float32 adds
 exactly."""
-_OFFSET = 2.0 * STATE_LIMIT
-"""No channel has to fall further than this in a step."""
 
 
 class _Term(NamedTuple):
@@ -137,9 +135,9 @@ class RelayMap:
                 genome[self._silence[place]] = -_SILENCE
                 genome[self._reading[place, channel, _MIDDLE, _MIDDLE]] = -sign
                 genome[self._passing[unit, place]] = sign
-            genome[self._passing[unit, 0]] = _OFFSET
+            genome[self._passing[unit, 0]] = LARGEST_CHANGE
             genome[self._writing[channel, unit]] = 1.0
-            genome[self._writing[channel, 0]] = -_OFFSET
+            genome[self._writing[channel, 0]] = -LARGEST_CHANGE
         return genome
 
     def _partner(self, channel: int) -> int:

@@ -31,8 +31,8 @@ RUNS = (
     "runs/drafts",
 )  # fmt: skip
 """Folders of runs that lines name."""
-STAGES = ("runs/carry_ball_1", "runs/carry_ball_2")
-"""Folders of runs that later stages start from."""
+STAGE = "runs/carry_ball_1"
+"""Folder of a run that a later stage starts from."""
 SMALLER = {
     r"^generations=.*": "generations=1",
     r"^episodes=.*": "episodes=2",
@@ -53,9 +53,8 @@ def folder(tmp_path_factory):
     call([*TRAIN, *shlex.split(TINY), *start, "hydra.run.dir=RUN_DIR"], folder)
     for name in RUNS:
         shutil.copytree(folder / "RUN_DIR", folder / name)
-    stage = [*shlex.split(TINY), "experiment=best/carry_ball_1", f"hydra.run.dir={STAGES[0]}"]
+    stage = [*shlex.split(TINY), "experiment=best/carry_ball_1", f"hydra.run.dir={STAGE}"]
     call([*TRAIN, *stage], folder)
-    shutil.copytree(folder / STAGES[0], folder / STAGES[1])
     np.save(folder / "body.npy", ncrs.grow_to(BODIES["light_chase"], "light_chase"))
     genome = ncrs.load_champion("obstacle/best").genome
     np.save(folder / "genome.npy", genome)
