@@ -104,24 +104,23 @@ def prepare_walls(walls: NDArray[np.float64], quads: NDArray[Quad]) -> int:
         walls: Corners, shape ``(quads, 4, 2)``, from ``scenario.wall_quads``.
         quads: Output, with room for as many.
     """
-    order = np.empty(len(walls), dtype=np.int64)
-    low_edges = np.empty(len(walls))
     count = 0
     for i in range(len(walls)):
         low_x, low_y, high_x, high_y = _box(walls[i])
         if min(high_x - low_x, high_y - low_y) <= MIN_QUAD_SIDE:
             continue
+        # Sorted by insertion, each by its index for the time being.
         place = count
-        while place > 0 and low_edges[place - 1] > low_y:
-            order[place] = order[place - 1]
-            low_edges[place] = low_edges[place - 1]
+        while place > 0 and quads[place - 1].low_y > low_y:
+            quads[place].low_y = quads[place - 1].low_y
+            quads[place].corner_count = quads[place - 1].corner_count
             place -= 1
-        order[place] = i
-        low_edges[place] = low_y
+        quads[place].low_y = low_y
+        quads[place].corner_count = i
         count += 1
     for place in range(count):
         quad: Quad = quads[place]
-        corners = walls[order[place]]
+        corners = walls[quad.corner_count]
         quad.low_x, quad.low_y, quad.high_x, quad.high_y = _box(corners)
         _write_hull(corners, quad)
     return count

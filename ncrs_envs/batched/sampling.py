@@ -39,19 +39,46 @@ from ncrs_envs.tasks import REGIONS, Task, playfield
 MAX_QUADS = 2 * (WALL_VERTICES[1] - 2)
 RANDOM_REGION = -1
 """Number in place of a region that is drawn, too."""
-_MAX_VERTICES = WALL_VERTICES[1] - 1
+MAX_VERTICES = WALL_VERTICES[1] - 1
 _FIXED_VERTICES = 2
 """Number of a wall's last vertices that form the passage and are not moved."""
 _COLUMNS, _CORNERS = np.array(COLUMN_REGIONS), np.array(CORNER_REGIONS)
 
 
-class _Walls(NamedTuple):
-    """Vertices of the walls of many scenarios, from which their quads are made."""
+class Room(NamedTuple):
+    """What placements depend on."""
+
+    grid_size: int
+    extent: float
+    """Half the playfield's side, P."""
+    noise: float
+
+
+class Walls(NamedTuple):
+    """Vertices of the walls of a scenario, from which its quads are made; or those of many."""
 
     counts: NDArray[np.int64]
-    """Numbers of vertices of the left and the right wall, ``(scenarios, 2)``."""
+    """Numbers of vertices of the left and the right wall, ``(2,)``."""
     vertices: NDArray[np.float64]
-    """``(scenarios, 2, _MAX_VERTICES, 2)``."""
+    """``(2, MAX_VERTICES, 2)``."""
+    quads: NDArray[np.float64]
+    """Room for the quads' corners while a scenario is drawn, ``(MAX_QUADS, 4, 2)``."""
+
+
+def make_walls(count: int) -> Walls:
+    """Return room for the vertices of the walls of many scenarios, and for the quads of one."""
+    return Walls(
+        np.empty((count, 2), dtype=np.int64),
+        np.empty((count, 2, MAX_VERTICES, 2)),
+        np.empty((MAX_QUADS, 4, 2)),
+    )
+
+
+def no_start(grid_size: int) -> ScenarioError:
+    """Return the error for a scenario without a start that is free of walls."""
+    return ScenarioError(
+        f"No start free of walls in {MAX_START_DRAWS} draws for grid size {grid_size}."
+    )
 
 
 class Sample:
@@ -79,20 +106,15 @@ class Sample:
         grid_size: int,
         noise: float,
     ) -> None:
-        count, extent = len(streams), playfield(grid_size)
+        count, room = len(streams), Room(grid_size, playfield(grid_size), noise)
         self._task = task
         self.records = make_scenarios(count, MAX_QUADS if task.has_walls else 0)
         if not task.has_walls:
-            _draw_points(streams, regions, task.has_ball, (extent, noise), self.records.scenarios)
+            _draw_many_points(streams, regions, task.has_ball, room, self.records.scenarios)
             return
-        self._walls = _Walls(
-            np.empty((count, 2), dtype=np.int64), np.empty((count, 2, _MAX_VERTICES, 2))
-        )
-        room = (grid_size, extent, noise)
-        if not _draw_obstacles(streams, regions, room, self._walls, self.records):
-            raise ScenarioError(
-                f"No start free of walls in {MAX_START_DRAWS} draws for grid size {grid_size}."
-            )
+        self._walls = make_walls(count)
+        if not _draw_many_obstacles(streams, regions, room, self._walls, self.records):
+            raise no_start(grid_size)
 
     def __getitem__(self, index: int) -> Scenario:
         """Make the object of one scenario."""
@@ -122,77 +144,92 @@ def _region(stream: Stream, given: int) -> int:
 
 
 @kernel
-def _draw_points(
-    streams: NDArray[np.uint64],
-    regions: NDArray[np.int64],
-    has_ball: bool,
-    sizes: tuple[float, float],
-    records: NDArray[ScenarioRecord],
+def draw_points(
+    stream: Stream, region: int, has_ball: bool, room: Room, record: ScenarioRecord
 ) -> None:
-    """Draw scenarios of a light or a ball in the open; ``sizes`` are playfield and noise."""
-    extent, noise = sizes
-    for i in range(len(streams)):
-        stream, record = streams[i], records[i]
-        region = _region(stream, regions[i])
-        noise_x = _between(stream, noise * extent)
-        noise_y = _between(stream, noise * extent)
-        if has_ball:
-            record.start_x = _between(stream, FAR * extent)
-            record.start_y = START_Y * extent
-            record.goal_x = _COLUMNS[region] * extent + noise_x
-            record.goal_y = noise_y
-            record.target_x = _COLUMNS[next_integer(stream, 0, REGIONS)] * extent
-            record.target_y = FAR * extent
-        else:
-            record.goal_x = _CORNERS[region, 0] * FAR * extent + noise_x
-            record.goal_y = _CORNERS[region, 1] * FAR * extent + noise_y
-            record.target_x = np.nan
-            record.target_y = np.nan
+    """Draw a scenario of a light or a ball in the open."""
+    extent, noise = room.extent, room.noise
+    chosen = _region(stream, region)
+    noise_x = _between(stream, noise * extent)
+    noise_y = _between(stream, noise * extent)
+    if has_ball:
+        record.start_x = _between(stream, FAR * extent)
+        record.start_y = START_Y * extent
+        record.goal_x = _COLUMNS[chosen] * extent + noise_x
+        record.goal_y = noise_y
+        record.target_x = _COLUMNS[next_integer(stream, 0, REGIONS)] * extent
+        record.target_y = FAR * extent
+    else:
+        record.start_x = 0.0
+        record.start_y = 0.0
+        record.goal_x = _CORNERS[chosen, 0] * FAR * extent + noise_x
+        record.goal_y = _CORNERS[chosen, 1] * FAR * extent + noise_y
+        record.target_x = np.nan
+        record.target_y = np.nan
+    record.quad_count = 0
 
 
 @kernel
-def _draw_obstacles(
+def draw_obstacle(  # noqa: PLR0913 - inputs, and outputs
+    stream: Stream,
+    region: int,
+    room: Room,
+    walls: Walls,
+    record: ScenarioRecord,
+    quads: NDArray[Quad],
+) -> bool:
+    """Draw a scenario with walls, and return False if it has no start that is free of them."""
+    grid_size, extent = room.grid_size, room.extent
+    chosen = _region(stream, region)
+    noise_x = _between(stream, room.noise * extent)
+    noise_y = _between(stream, room.noise * extent)
+    passage = _between(stream, PASSAGE_RANGE * extent)
+    for side in range(2):
+        count = next_integer(stream, WALL_VERTICES[0], WALL_VERTICES[1])
+        walls.counts[side] = count
+        vertices = walls.vertices[side, :count]
+        _place_ends(grid_size, extent, passage, -1.0 if side == 0 else 1.0, vertices)
+        _fill_wall(stream, grid_size, vertices)
+    number = _write_quads(extent, walls.counts, walls.vertices, walls.quads)
+    record.quad_count = prepare_walls(walls.quads[:number], quads)
+    record.start_y = START_Y * extent
+    record.goal_x = _COLUMNS[chosen] * extent + noise_x
+    record.goal_y = FAR * extent + noise_y
+    record.target_x = np.nan
+    record.target_y = np.nan
+    for _ in range(MAX_START_DRAWS):
+        record.start_x = _between(stream, FAR * extent)
+        if not _is_blocked(record.start_x, record.start_y, grid_size, walls.quads[:number]):
+            return True
+    return False
+
+
+@kernel
+def _draw_many_points(
     streams: NDArray[np.uint64],
     regions: NDArray[np.int64],
-    sizes: tuple[int, float, float],
-    walls: _Walls,
+    has_ball: bool,
+    room: Room,
+    records: NDArray[ScenarioRecord],
+) -> None:
+    for i in range(len(streams)):
+        draw_points(streams[i], regions[i], has_ball, room, records[i])
+
+
+@kernel
+def _draw_many_obstacles(
+    streams: NDArray[np.uint64],
+    regions: NDArray[np.int64],
+    room: Room,
+    walls: Walls,
     scenarios: Scenarios,
 ) -> bool:
-    """Draw scenarios with walls; ``sizes`` are grid, playfield and noise.
-
-    Returns:
-        False if one of them has no start that is free of walls.
-    """
-    grid_size, extent, noise = sizes
-    quads = np.empty((MAX_QUADS, 4, 2))
+    """Draw scenarios with walls, and return False if one of them has no free start."""
     for i in range(len(streams)):
-        stream: Stream = streams[i]
+        own = Walls(walls.counts[i], walls.vertices[i], walls.quads)
         record: ScenarioRecord = scenarios.scenarios[i]
-        region = _region(stream, regions[i])
-        noise_x = _between(stream, noise * extent)
-        noise_y = _between(stream, noise * extent)
-        passage = _between(stream, PASSAGE_RANGE * extent)
-        for side in range(2):
-            count = next_integer(stream, WALL_VERTICES[0], WALL_VERTICES[1])
-            walls.counts[i, side] = count
-            vertices = walls.vertices[i, side, :count]
-            _place_ends(grid_size, extent, passage, -1.0 if side == 0 else 1.0, vertices)
-            _fill_wall(stream, grid_size, vertices)
-        number = _write_quads(extent, walls.counts[i], walls.vertices[i], quads)
-        own: NDArray[Quad] = scenarios.quads[i]
-        record.quad_count = prepare_walls(quads[:number], own)
-        record.start_y = START_Y * extent
-        record.goal_x = _COLUMNS[region] * extent + noise_x
-        record.goal_y = FAR * extent + noise_y
-        record.target_x = np.nan
-        record.target_y = np.nan
-        is_free = False
-        for _ in range(MAX_START_DRAWS):
-            record.start_x = _between(stream, FAR * extent)
-            if not _is_blocked(record.start_x, record.start_y, grid_size, quads[:number]):
-                is_free = True
-                break
-        if not is_free:
+        quads: NDArray[Quad] = scenarios.quads[i]
+        if not draw_obstacle(streams[i], regions[i], room, own, record, quads):
             return False
     return True
 
