@@ -8,12 +8,14 @@ In under four minutes, compilation included:
 - Parity with the engine ``batched``, which runs in a process beside it: bodies and success that
   differ, largest and mean difference of the episodes' fitness, over 384 genomes, the champions
   among them, in 12 episodes each.
+- Throughput of ``make_vec(..., device="cuda")`` with 65,536 environments, resets included.
 - Seconds of a generation of each optimizer, split into ask, rollout, and tell with adding to the
   archive; and what the paper's runs would take.
 
 ``--quick`` leaves out the larger populations. It exits with 1 if a floor is missed: 60 million
-steps per second (LightChase, CarryBall) and 6 million (Obstacle) at a population of 8,192, 10 ms
-for a generation of CMA-ES in LightChase, and parity.
+steps per second (LightChase, CarryBall) and 6 million (Obstacle) at a population of 8,192, 50
+million in 65,536 environments of LightChase, 10 ms for a generation of CMA-ES in LightChase, and
+parity.
 """
 
 from __future__ import annotations
@@ -34,15 +36,16 @@ import numpy as np
 from numba import cuda
 from numpy.typing import NDArray
 
+from benchmarks.gpu_environments import environments, missed_environments, print_environments
 from benchmarks.workload import EPISODES, nca_flops_per_step, nearly_full_genomes
 from ncrs.engines.base import CUDA_ENGINE, Evaluation, make_engine
-from ncrs.engines.cuda import gpu
-from ncrs.engines.cuda.devices import device_name
 from ncrs.evolution.archive import Archive
 from ncrs.evolution.optimizers import OPTIMIZERS, make_optimizer
 from ncrs.evolution.optimizers.settings import CMASettings, OptimizerSettings
 from ncrs.runs.elites import make_archive
 from ncrs.runs.published import champions, load_champion
+from ncrs_envs.cuda import gpu
+from ncrs_envs.cuda.devices import device_name
 from ncrs_envs.scenario import sample_scenarios
 from ncrs_envs.tasks import TaskSettings
 
@@ -77,10 +80,10 @@ def timed_launches() -> Iterator[dict[str, float]]:
     seconds: dict[str, float] = {}
     start_kernel = gpu.Launcher.__call__
 
-    def launch(self: gpu.Launcher, *arguments: Any) -> None:
+    def launch(self: gpu.Launcher, *arguments: Any, **options: Any) -> None:
         cuda.synchronize()
         start = time.perf_counter()
-        start_kernel(self, *arguments)
+        start_kernel(self, *arguments, **options)
         cuda.synchronize()
         name = self.kernel_name
         seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - start
@@ -257,7 +260,7 @@ def missed(report: Mapping[str, Any]) -> list[str]:
                 f"a generation of cma_es takes {1e3 * row['total_s']:.1f} ms, at most "
                 f"{1e3 * MAX_GENERATION_S:.0f} expected"
             )
-    return problems
+    return problems + missed_environments(report["environments"])
 
 
 def _print_throughput(rows: list[dict[str, Any]]) -> None:
@@ -305,6 +308,7 @@ def _measure(populations: tuple[int, ...], show: bool) -> dict[str, Any]:
             return parity(Path(folder))
 
         parts.append(("parity", compare, _print_parity))
+        parts.append(("environments", environments, print_environments))
         if show:
             print(f"{report['gpu']}; peak {report['peak_tflops']:.1f} TFLOP/s (float32)")
         for name, measure, show_part in parts:

@@ -14,7 +14,7 @@ def register_all() -> None:
             gymnasium.register(
                 id=task.env_id,
                 entry_point=f"ncrs_envs.env:{task.title}Env",
-                vector_entry_point=f"ncrs_envs.batched.vector_env:{task.title}VectorEnv",
+                vector_entry_point=f"ncrs_envs.vector_envs:make_{task.name}",
                 max_episode_steps=MAX_EPISODE_STEPS,
             )
 
@@ -33,7 +33,7 @@ def register_task(task: Task) -> None:
         gymnasium.register(
             id=task.env_id,
             entry_point="ncrs_envs.env:make_task_env",
-            vector_entry_point="ncrs_envs.batched.own_tasks:make_task_vector_env",
+            vector_entry_point="ncrs_envs.vector_envs:make_task_vector_env",
             max_episode_steps=MAX_EPISODE_STEPS,
             kwargs={"task": task.name},
         )

@@ -314,7 +314,8 @@ def has_gpu() -> bool:
     """
     if importlib.util.find_spec("numba_cuda") is None or not _has_driver():
         return False
-    from ncrs.engines.cuda.devices import check_devices, device_name
+    from ncrs.engines.cuda.devices import check_devices
+    from ncrs_envs.cuda.devices import device_name
 
     try:
         check_devices([0])

@@ -6,16 +6,13 @@ of the single environments; ``vectorization_mode="sync"`` gives the same on Box2
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
-from gymnasium.error import ClosedEnvironmentError, ResetNeeded
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from ncrs_envs.batched.env_robots import EnvRobots
@@ -23,23 +20,20 @@ from ncrs_envs.batched.env_streams import EnvStreams
 from ncrs_envs.batched.episode_batch import EpisodeBatch
 from ncrs_envs.batched.pictures import Pictures, check_render_envs, frame_size
 from ncrs_envs.batched.scenario_table import Indices
+from ncrs_envs.batched.vector_base import EpisodeRules, VectorBase
 from ncrs_envs.batched.vector_options import (
     batch_info,
-    check_autoreset_mode,
-    check_compiled,
     check_count,
     check_damages,
     check_mask,
     check_regions,
     check_scenarios,
     check_seeds,
-    check_step_limit,
     without_mask,
 )
 from ncrs_envs.bodies import check_bodies, grid_side
 from ncrs_envs.body import HULL_DENSITY
-from ncrs_envs.interface import OptionError, check_action, check_flag, check_options
-from ncrs_envs.physics import DT
+from ncrs_envs.interface import OptionError, check_action, check_options
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import (
@@ -49,18 +43,11 @@ from ncrs_envs.tasks import (
     OBSTACLE,
     OBSTACLE_TOUCH,
     RIGID,
-    Task,
     TaskSettings,
-    default_body,
 )
 
-if TYPE_CHECKING:
-    _BaseEnv = VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]
-else:
-    _BaseEnv = VectorEnv
 
-
-class RobotVectorEnv(_BaseEnv):
+class RobotVectorEnv(VectorBase):
     """Modular robots, one in each environment; each task has a subclass.
 
     Args:
@@ -92,11 +79,9 @@ class RobotVectorEnv(_BaseEnv):
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's own declaration
+        **VectorBase.metadata,
         "render_modes": ["rgb_array"],
-        "render_fps": round(1.0 / DT),
-        "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
-    task: ClassVar[Task]
 
     def __init__(  # noqa: PLR0913 - the public call, as in gymnasium.make_vec
         self,
@@ -117,32 +102,21 @@ class RobotVectorEnv(_BaseEnv):
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise OptionError(f"render_mode must be None or 'rgb_array', got {render_mode!r}.")
-        self.num_envs = check_count(num_envs, "num_envs")
         if grid_size is None:
             grid_size = grid_side(body)
-        self.settings = TaskSettings(
+        settings = TaskSettings(
             self.task.name, grid_size, distance_score, success_radius, construction, hull_density
         )
-        check_compiled(self.settings)
-        n = self.settings.grid_size
+        rules = EpisodeRules(max_episode_steps, terminate_on_success, autoreset_mode)
+        super().__init__(num_envs, settings, rules, body)
+        n = settings.grid_size
         self.render_mode = render_mode
         self.render_size = frame_size(render_size, self.num_envs)
-        self.terminate_on_success = check_flag(terminate_on_success, "terminate_on_success")
-        self.autoreset_mode = check_autoreset_mode(autoreset_mode)
-        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self._step_limit = check_step_limit(max_episode_steps)
         self.render_envs = check_render_envs(render_envs, self.num_envs)
-        self.single_observation_space = gymnasium.spaces.Box(0.0, 1.0, (n, n), np.float32)
-        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (n, n), np.float32)
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
-
-        chosen = default_body(self.task, n) if body is None else body
-        bodies = check_bodies(chosen, self.task, n, check_mask(None, self.num_envs))
         workers = None if threads is None else check_count(threads, "threads")
         self._batch = EpisodeBatch(self.settings, self.num_envs, workers)
         self._robots = EnvRobots(self._batch, n)
-        self._robots.put(np.arange(self.num_envs), bodies)
+        self._robots.put(np.arange(self.num_envs), self._first_bodies)
         self._streams = EnvStreams(self.num_envs)
         self._steps = np.zeros(self.num_envs, dtype=np.int64)
         self._is_done = np.zeros(self.num_envs, dtype=np.bool_)
@@ -150,20 +124,6 @@ class RobotVectorEnv(_BaseEnv):
         self._actions = np.zeros((self.num_envs, n, n), dtype=np.float32)
         drawn = () if render_mode is None else self.render_envs
         self._pictures = Pictures(drawn, self.num_envs, self.render_size)
-
-    _spec: EnvSpec | None = None
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """The spec that this was made from, with its body as nested lists, for JSON."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        if spec is not None and spec.kwargs.get("body") is not None:
-            spec = copy.copy(spec)
-            spec.kwargs = {**spec.kwargs, "body": np.asarray(spec.kwargs["body"]).tolist()}
-        self._spec = spec
 
     @property
     def bodies(self) -> NDArray[np.int8]:
@@ -349,10 +309,6 @@ class RobotVectorEnv(_BaseEnv):
         body = self._robots.bodies[env].copy()
         return self._batch.scene(env, body, self._actions[env].copy(), self._pictures.path(env))
 
-    def _check_open(self) -> None:
-        if self.closed:
-            raise ClosedEnvironmentError("This environment has been closed; make a new one.")
-
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads."""
         self._batch.close()
@@ -380,3 +336,10 @@ class ObstacleTouchVectorEnv(RobotVectorEnv):
     """Many robots, each feeling for a passage to a light; see ``ObstacleTouchEnv``."""
 
     task = OBSTACLE_TOUCH
+
+
+VECTOR_ENVS: dict[str, type[RobotVectorEnv]] = {
+    made.task.name: made
+    for made in (LightChaseVectorEnv, ObstacleVectorEnv, CarryBallVectorEnv, ObstacleTouchVectorEnv)
+}
+"""The classes of the built-in tasks, by name."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from numba import cuda, float64, int32
 
-from ncrs.engines.cuda.gpu import CONTACT, POINT, WARP, device_function, sync_warp
 from ncrs.engines.cuda.layout import Buffers, Courses, Group, Move
+from ncrs.engines.cuda.tiles import sync_warp
 from ncrs_envs.batched.contacts import MAX_IMPACTS, move_back, move_in_contact, solve_impact
 from ncrs_envs.batched.dynamics import move_robot
 from ncrs_envs.batched.impact import (
@@ -36,6 +36,7 @@ from ncrs_envs.batched.manifolds import (
     touch_circle,
     touch_quad,
 )
+from ncrs_envs.cuda.gpu import CONTACT, POINT, WARP, device_function
 from ncrs_envs.physics import DT
 
 

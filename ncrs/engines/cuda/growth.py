@@ -19,17 +19,6 @@ from ncrs.automaton.channels import (
     KERNEL_SIZE,
     STATE_LIMIT,
 )
-from ncrs.engines.cuda.gpu import (
-    WARP,
-    add_outer_products,
-    add_units,
-    device_function,
-    gpu_kernel,
-    rectified,
-    repeat_row,
-    store_clipped_sum,
-    sync_warp,
-)
 from ncrs.engines.cuda.layout import (
     GROWTH_STATE,
     GROWTH_THIRD,
@@ -41,9 +30,18 @@ from ncrs.engines.cuda.layout import (
     Genomes,
     HiddenLayers,
 )
+from ncrs.engines.cuda.tiles import (
+    add_outer_products,
+    add_units,
+    rectified,
+    repeat_row,
+    store_clipped_sum,
+    sync_warp,
+)
 from ncrs.engines.nca_kernels import GROWTH_LANES
 from ncrs_envs.batched.robot import prepare_robot
 from ncrs_envs.body import Cell
+from ncrs_envs.cuda.gpu import WARP, device_function, gpu_kernel
 
 _LIMIT = np.float32(STATE_LIMIT)
 _EMPTY = int(Cell.EMPTY)

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.channels import HIDDEN_UNITS, KERNEL_SIZE
-from ncrs.engines.cuda.gpu import WARP
 from ncrs.engines.nca_kernels import CHANGING_CHANNELS, CONTROL_LANES, GROWTH_LANES
 from ncrs_envs.batched.compiler import kernel
 from ncrs_envs.batched.dtypes import Record
 from ncrs_envs.batched.layout import Contact, Robots, Scenarios, Settings, State
+from ncrs_envs.cuda.gpu import WARP
 
 POSITIONS = KERNEL_SIZE * KERNEL_SIZE
 ROW = 32

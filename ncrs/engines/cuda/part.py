@@ -10,17 +10,6 @@ from numpy.typing import NDArray
 
 from ncrs.automaton.channels import NCALayout, growth_steps
 from ncrs.engines.arguments import GivenBodies
-from ncrs.engines.cuda.gpu import (
-    WARP,
-    Launcher,
-    device_array,
-    free_memory,
-    max_shared,
-    processors,
-    send,
-    to_device,
-    to_host,
-)
 from ncrs.engines.cuda.growth import growth_shared, make_growth_kernel, prepare_robots
 from ncrs.engines.cuda.layout import (
     EPISODES,
@@ -44,6 +33,17 @@ from ncrs_envs.batched.layout import (
     make_scratch,
 )
 from ncrs_envs.batched.records import settings_record
+from ncrs_envs.cuda.gpu import (
+    WARP,
+    Launcher,
+    device_array,
+    free_memory,
+    max_shared,
+    processors,
+    send,
+    to_device,
+    to_host,
+)
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, TaskSettings
 
 _MAX_WARPS = 16

@@ -23,18 +23,6 @@ from ncrs.automaton.channels import (
     STEPS_PER_ACTION,
 )
 from ncrs.engines.cuda.contacts import move_together
-from ncrs.engines.cuda.gpu import (
-    POINT,
-    WARP,
-    add_outer_products,
-    add_units,
-    device_function,
-    gpu_kernel,
-    rectified,
-    repeat_row,
-    reused,
-    store_clipped_sum,
-)
 from ncrs.engines.cuda.growth import load_hidden_layers
 from ncrs.engines.cuda.layout import (
     CONSTANT,
@@ -54,11 +42,19 @@ from ncrs.engines.cuda.layout import (
     Places,
     places_of,
 )
+from ncrs.engines.cuda.tiles import (
+    add_outer_products,
+    add_units,
+    rectified,
+    repeat_row,
+    store_clipped_sum,
+)
 from ncrs.engines.nca_kernels import CHANGING_CHANNELS, CONTROL_LANES, IO_LANE
 from ncrs_envs.batched.contacts import move_if_free
 from ncrs_envs.batched.layout import World
 from ncrs_envs.batched.simulate import observe, push_robot, reset_episode
 from ncrs_envs.body import Cell
+from ncrs_envs.cuda.gpu import POINT, WARP, device_function, gpu_kernel, reused
 
 _LIMIT = np.float32(STATE_LIMIT)
 _EMPTY = int(Cell.EMPTY)

@@ -1,4 +1,4 @@
-"""All that is numba-cuda's own: tiles in registers, the barrier of a warp, memory, and launches."""
+"""What kernels on GPUs have in common: their decorators, memory, and launches, by numba-cuda."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ config.CUDA_LOW_OCCUPANCY_WARNINGS = 0
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+WARP = 32
+"""Number of threads in a warp."""
 MAX_REGISTERS = 128
 """Maximum number of registers per thread: with more, too few warps are in flight."""
 
@@ -41,33 +43,6 @@ def reused(function: Function) -> Function:
     """Make a device function of one that numba compiles into its callers on the CPU."""
     return cast(Function, device_function(function.py_func))  # type: ignore[attr-defined]
 
-
-if IS_SIMULATED:
-    from ncrs.engines.cuda.simulated_tiles import (
-        add_outer_products,
-        add_units,
-        rectified,
-        repeat_row,
-        store_clipped_sum,
-        sync_warp,
-    )
-else:
-    from ncrs.engines.cuda.register_tiles import (
-        add_outer_products,
-        add_units,
-        rectified,
-        repeat_row,
-        store_clipped_sum,
-    )
-
-    @device_function
-    def sync_warp() -> None:
-        """Wait for the other threads of the warp, and see what they wrote."""
-        cuda.syncwarp()
-
-
-WARP = 32
-"""Number of threads in a warp."""
 
 CONTACT = dtype_of(Contact) if IS_SIMULATED else from_dtype(dtype_of(Contact))
 """Type of local arrays of contacts."""
@@ -137,7 +112,12 @@ class Launcher:
         self._allowed = _DEFAULT_SHARED
 
     def __call__(
-        self, grid: tuple[int, ...], threads: int, shared_floats: int, *arguments: Any
+        self,
+        grid: tuple[int, ...],
+        threads: int,
+        shared_floats: int,
+        *arguments: Any,
+        stream: Any = 0,
     ) -> None:
         """Start the kernel on the current GPU.
 
@@ -146,6 +126,7 @@ class Launcher:
             threads: Number of threads per block.
             shared_floats: Size of a block's shared memory, in float32 elements.
             *arguments: Arguments of the kernel, of the same types at every call.
+            stream: Stream of numba-cuda that the kernel is started on; 0 for the default one.
         """
         if self._compiled is None:
             # Looking up the types of some twenty arrays at each call would take longer than growth.
@@ -154,7 +135,7 @@ class Launcher:
         if size > self._allowed and not IS_SIMULATED:
             _allow_shared(self._compiled, size)
             self._allowed = size
-        self._compiled[grid, threads, 0, size](*arguments)
+        self._compiled[grid, threads, stream, size](*arguments)
 
 
 def _allow_shared(compiled: Any, size: int) -> None:
@@ -165,28 +146,3 @@ def _allow_shared(compiled: Any, size: int) -> None:
     function = overload._codelibrary.get_cufunc()
     name = binding.CUfunction_attribute.CU_FUNC_ATTRIBUTE_MAX_DYNAMIC_SHARED_SIZE_BYTES
     driver.cuKernelSetAttribute(name, size, function.handle, function.device.id)
-
-
-__all__ = [
-    "CONTACT",
-    "IS_SIMULATED",
-    "POINT",
-    "WARP",
-    "Launcher",
-    "add_outer_products",
-    "add_units",
-    "device_array",
-    "device_function",
-    "free_memory",
-    "gpu_kernel",
-    "max_shared",
-    "processors",
-    "rectified",
-    "repeat_row",
-    "reused",
-    "send",
-    "store_clipped_sum",
-    "sync_warp",
-    "to_device",
-    "to_host",
-]

@@ -1,0 +1,100 @@
+"""What vector environments have in common, on whatever device they are simulated."""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import gymnasium
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.error import ClosedEnvironmentError
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from ncrs_envs.batched.vector_options import (
+    check_autoreset_mode,
+    check_compiled,
+    check_count,
+    check_mask,
+    check_step_limit,
+)
+from ncrs_envs.bodies import check_bodies
+from ncrs_envs.interface import check_flag
+from ncrs_envs.physics import DT
+from ncrs_envs.tasks import Task, TaskSettings, default_body
+
+if TYPE_CHECKING:
+    _BaseEnv = VectorEnv[Any, Any, Any]
+else:
+    _BaseEnv = VectorEnv
+
+
+class EpisodeRules(NamedTuple):
+    """Arguments that decide how episodes end and are followed by others, as they were given."""
+
+    max_episode_steps: int
+    terminate_on_success: bool
+    autoreset_mode: str | AutoresetMode
+
+
+class VectorBase(_BaseEnv):
+    """Number, spaces, rules and first bodies of vector environments.
+
+    Args:
+        num_envs: Number of environments.
+        settings: The task and its settings.
+        rules: How episodes end.
+        body: One body for all, or one for each; None for the task's own.
+
+    Raises:
+        OptionError: A mode is unknown, or a count is not a positive integer.
+        BodyError: A body is malformed, or the task cannot use it.
+        TaskError: Only Box2D runs the task or a setting.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's own declaration
+        "render_modes": [],
+        "render_fps": round(1.0 / DT),
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+    task: ClassVar[Task]
+    _spec: EnvSpec | None = None
+
+    def __init__(
+        self, num_envs: int, settings: TaskSettings, rules: EpisodeRules, body: Any
+    ) -> None:
+        self.num_envs = check_count(num_envs, "num_envs")
+        check_compiled(settings)
+        self.settings = settings
+        self.terminate_on_success = check_flag(rules.terminate_on_success, "terminate_on_success")
+        self.autoreset_mode = check_autoreset_mode(rules.autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self._step_limit = check_step_limit(rules.max_episode_steps)
+        n = settings.grid_size
+        self.single_observation_space = gymnasium.spaces.Box(0.0, 1.0, (n, n), np.float32)
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (n, n), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._first_bodies = check_bodies(
+            default_body(self.task, n) if body is None else body,
+            self.task,
+            n,
+            check_mask(None, self.num_envs),
+        )
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """The spec that this was made from, with its body as nested lists, for JSON."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None and spec.kwargs.get("body") is not None:
+            spec = copy.copy(spec)
+            spec.kwargs = {**spec.kwargs, "body": np.asarray(spec.kwargs["body"]).tolist()}
+        self._spec = spec
+
+    def _check_open(self) -> None:
+        if self.closed:
+            raise ClosedEnvironmentError("This environment has been closed; make a new one.")

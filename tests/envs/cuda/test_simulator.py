@@ -1,0 +1,101 @@
+"""The environments on a GPU, in numba-cuda's simulator, against those on the CPU."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+
+from ncrs_envs import OptionError, get_task
+
+from .rehearsal import COUNT, LIMIT, MODES, STEPS, TASKS, body, record, scenario
+
+pytest.importorskip("numba_cuda", reason="needs the extra cuda")
+
+
+def simulated(path, *arguments):
+    script = Path(__file__).with_name("rehearsal.py")
+    environment = {**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "NCRS_QUIET": "1"}
+    command = [sys.executable, script, path, *arguments]
+    subprocess.run(command, check=True, env=environment, timeout=240)
+    return np.load(path)
+
+
+def case(task, mode, *, slow=False):
+    return pytest.param(task, mode, marks=[pytest.mark.slow] if slow else [])
+
+
+@pytest.mark.parametrize(
+    ("task", "mode"),
+    [
+        case("light_chase", "SameStep"),
+        case("obstacle", "NextStep"),
+        case("carry_ball", "Disabled"),
+        *(case(task, mode, slow=True) for task in TASKS for mode in MODES),
+    ],
+)
+def test_every_step_is_bit_equal(task, mode, tmp_path):
+    expected = record(task, mode, "cpu")
+    results = simulated(tmp_path / "steps.npz", task, mode)
+    assert expected["0.observation"].shape == (COUNT, 5, 5)
+    assert f"{STEPS - 1}.info.pose" in expected
+    for name, value in expected.items():
+        np.testing.assert_array_equal(results[name], value, err_msg=name)
+        assert results[name].dtype == value.dtype, name
+
+
+@pytest.mark.parametrize("task", TASKS[:3])
+def test_the_robots_touch_something(task):
+    """A free robot would not show whether contacts are right."""
+    envs = gymnasium.make_vec(get_task(task).env_id, num_envs=1, body=body(task))
+    envs.reset(options={"scenario": scenario(task)})
+    touched = False
+    for _ in range(LIMIT):
+        envs.step(np.ones((1, 5, 5), np.float32))
+        touched = touched or bool(envs._batch._episodes.states[0].touched)
+    assert touched
+
+
+def test_what_a_gpu_cannot_do_is_refused_with_the_reason(tmp_path):
+    errors = simulated(tmp_path / "errors.npz", "refusals", "")
+    expected = {
+        "step before reset": ("ResetNeeded", "environment 0 has no episode"),
+        "on the CPU's side": ("ActionError", "must be a tensor on cpu, or have __dlpack__"),
+        "shape": ("ActionError", r"must have shape \(5, 5, 5\).*got \(5, 25\)"),
+        "complex": ("ActionError", "real numbers, got dtype torch.complex64"),
+        "not finite": ("ActionError", r"finite, got nan at \(2, 0, 1\)"),
+        "ended": ("ResetNeeded", "Episodes have ended in 5 environments"),
+        "damage": ("OptionError", "Nothing is damaged or disturbed on a GPU"),
+        "too many": ("OptionError", r"needs about [\d.]+ GB .* environments fit"),
+        "copied": ("TypeError", "neither pickled nor copied"),
+        "closed": ("ClosedEnvironmentError", "has been closed"),
+        "stream": ("OptionError", "random streams"),
+    }
+    assert set(errors.files) == set(expected)
+    for name, (kind, text) in expected.items():
+        found_kind, found_text = errors[name].tolist()
+        assert found_kind == kind, name
+        assert re.search(text, found_text), found_text
+
+
+@pytest.mark.parametrize("device", ["tpu", "mps", 3.5])
+def test_unknown_devices_are_refused(device):
+    with pytest.raises(OptionError, match="device must be 'cpu', 'cuda' or 'cuda:INDEX'"):
+        gymnasium.make_vec("NCRS-Obstacle-v0", num_envs=2, device=device)
+
+
+def test_nothing_is_drawn_on_a_gpu():
+    with pytest.raises(OptionError, match="render_mode must be None on a GPU"):
+        gymnasium.make_vec("NCRS-Obstacle-v0", 2, device="cuda", render_mode="rgb_array")
+
+
+def test_a_missing_gpu_is_said():
+    if torch.cuda.is_available():
+        pytest.skip("there is a GPU")
+    with pytest.raises(OptionError, match="device='cuda' needs a GPU that torch can use"):
+        gymnasium.make_vec("NCRS-LightChase-v0", num_envs=2, device="cuda")
