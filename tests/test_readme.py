@@ -43,6 +43,7 @@ EXPECTED = {
         "info['success']": True,
         "states.shape": [10, 5, 5, 12],
         "observations.shape": [4096, 3, 3],
+        "seen.shape": [4096, 5, 5],
         "result.fitness.shape": [8],
         "result.success.shape": [8, 12],
         "genomes.shape": [8, 4572],
@@ -50,6 +51,7 @@ EXPECTED = {
     "environments.md": {
         "scenario.light": [20.0, 30.0],
         "observations.shape": [4096, 3, 3],
+        "seen.shape": [4096, 5, 5],
         "vectors.observation_space.shape": [2],
         "contrasts.shape": [512, 5],
         "sorted(observation)": ["body", "sensors"],
