@@ -212,7 +212,7 @@ def generations(task: str) -> list[dict[str, Any]]:
 def _generation(optimizer: Any, archive: Archive, engine: Any, index: int) -> list[float]:
     scenarios = sample_scenarios(engine.settings.task, index, EPISODES)
     times = [time.perf_counter()]
-    genomes = optimizer.ask()
+    genomes = optimizer.ask_in_place()
     times.append(time.perf_counter())
     result = engine.evaluate(genomes, scenarios)
     times.append(time.perf_counter())

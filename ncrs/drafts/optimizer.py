@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ncrs.automaton.channels import nca_layout
+from ncrs.automaton.device_genomes import AnyGenomes
 from ncrs.automaton.grow_to import GROWTH_UNITS, grow_each
 from ncrs.drafts.bodies import draw_body
 from ncrs.drafts.controllers import CONTROLLERS, controller_genomes
@@ -81,7 +82,7 @@ class Drafts(TaskOptimizer, QDOptimizer):
         drawn: list[list[int]] = triples[np.concatenate([chosen, others])].tolist()
         return drawn
 
-    def _tell(self, asked: Genomes, fitness: Fitness, added: AddResult | None) -> None:
+    def _tell(self, asked: AnyGenomes, fitness: Fitness, added: AddResult | None) -> None:
         self._bodies += self._bodies_per_generation
 
     def _state(self) -> State:

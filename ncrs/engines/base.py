@@ -153,10 +153,14 @@ class Engine(ABC):
         bodies: Any = None,
     ) -> RolloutResult:
         """Return what ``evaluate`` makes its results from; arguments and errors are the same."""
-        checked = self.layout.check_genomes(genomes)
+        checked = self._check_genomes(genomes)
         rows = check_scenario_rows(scenarios, self.settings, len(checked))
         given = check_given_bodies(bodies, self.settings, len(checked))
         return self._rollout(checked, rows, should_stop or (lambda: False), given)
+
+    def _check_genomes(self, genomes: Any) -> Any:
+        """Return genomes as ``_rollout`` takes them, or raise ``GenomeError``."""
+        return self.layout.check_genomes(genomes)
 
     def metrics(self) -> dict[str, float]:
         """Return the values of this engine's own curves; none for most engines."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.automaton.device_genomes import DeviceGenomes
 from ncrs_envs.errors import NCRSError
 
 PAPER_TRIPLES = 2024
@@ -164,7 +165,7 @@ class Archive:
 
     def add(  # noqa: PLR0913 - the public call, keywords only
         self,
-        genomes: NDArray[np.floating],
+        genomes: NDArray[np.floating] | DeviceGenomes,
         fitness: NDArray[np.float64],
         measures: NDArray[np.integer],
         bodies: NDArray[np.int8],
@@ -177,7 +178,8 @@ class Archive:
         """Offer genomes in order; each replaces the elite of its triple if its fitness is larger.
 
         Args:
-            genomes: Genomes, ``(P, N)``, kept in float32.
+            genomes: Genomes, ``(P, N)``, kept in float32; of those on a GPU only new elites are
+                copied.
             fitness: Fitness of each, ``(P,)``; one with NaN never becomes an elite.
             measures: Measures of each, ``(P, 3)``; -1 for an invalid body, which never becomes an
                 elite.
@@ -197,9 +199,9 @@ class Archive:
         self._check("measures", measures, (count, 3))
         self._check("bodies", bodies, (count, self.grid_size, self.grid_size))
         _check_not_infinite(fitness)
-        offered = {
-            "genomes": genomes,
-            "bodies": bodies,
+        offered: dict[str, Any] = {
+            "genomes": genomes if isinstance(genomes, DeviceGenomes) else np.asarray(genomes),
+            "bodies": np.asarray(bodies),
             "fitness": fitness,
             "success": np.broadcast_to(success, count),
             "standing_still": np.broadcast_to(standing_still, count),
@@ -223,7 +225,7 @@ class Archive:
         written, taken = np.array(list(elites), dtype=np.int64), list(elites.values())
         self._fill(written[self._rows[written] == NO_ROW])
         for name, column in self._columns.items():
-            column[self._rows[written]] = np.asarray(offered[name])[taken]
+            column[self._rows[written]] = offered[name][taken]
         return AddResult(cells, status, improvement)
 
     def _best(self, cells: NDArray[np.int64]) -> dict[int, float]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ncrs.automaton.device_genomes import AnyGenomes
 from ncrs.engines.base import Evaluation
 from ncrs.evolution.archive import AddResult, AddStatus
-from ncrs.evolution.optimizers.base import Genomes
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Generation:
 
     index: int
     """Index of the generation, from 0."""
-    genomes: Genomes
+    genomes: AnyGenomes
     """Genomes as evaluated, ``(P, N)``."""
     evaluation: Evaluation
     added: AddResult

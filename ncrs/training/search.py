@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs.automaton.channels import nca_layout
+from ncrs.automaton.device_genomes import AnyGenomes
 from ncrs.engines.base import Engine, Evaluation, StopCheck
 from ncrs.evolution.archive import AddResult, ArchiveError
 from ncrs.evolution.objective import Objective
@@ -82,9 +83,12 @@ class Search:
             optimizer.start_from(self._space.start)
         return optimizer
 
-    def ask(self) -> Genomes:
-        """Propose the next population, ``(P, N)``."""
-        return self._searched(self._optimizer.ask())
+    def ask(self) -> AnyGenomes:
+        """Propose the next population, ``(P, N)``, on the GPU if the search is there."""
+        points = self._optimizer.ask_in_place()
+        if self._config.space == WEIGHTS and not self._is_symmetric:
+            return points
+        return self._searched(np.asarray(points))
 
     def draw(self, generation: int, population: int) -> DrawnScenarios:
         """Draw the scenarios of a generation of that many genomes."""
@@ -99,7 +103,11 @@ class Search:
         return DrawnScenarios(rows, seed_rows(config.seed, keys))
 
     def add(
-        self, genomes: Genomes, evaluation: Evaluation, scenarios: DrawnScenarios, generation: int
+        self,
+        genomes: AnyGenomes,
+        evaluation: Evaluation,
+        scenarios: DrawnScenarios,
+        generation: int,
     ) -> AddResult:
         """Offer the population to the archive.
 
@@ -179,9 +187,11 @@ class Search:
         scenarios = draw_scenarios(self._sampling, config.task, sequence, config.episodes, eased_at)
         return scenarios, seed_row(sequence)
 
+    @property
+    def _is_symmetric(self) -> bool:
+        return self._config.symmetric and self._config.optimizer.may_be_symmetric
+
     def _searched(self, points: Genomes) -> Genomes:
         """Return the genomes of points, the nearest symmetric ones if only those are searched."""
         genomes = self._space.genomes(points)
-        config = self._config
-        is_symmetric = config.symmetric and config.optimizer.may_be_symmetric
-        return self._layout.symmetric(genomes) if is_symmetric else genomes
+        return self._layout.symmetric(genomes) if self._is_symmetric else genomes

@@ -18,6 +18,7 @@ from tensorboard.compat.proto.summary_pb2 import Summary
 from torch.utils.tensorboard import SummaryWriter
 from torch.utils.tensorboard.summary import hparams
 
+from ncrs.automaton.device_genomes import AnyGenomes
 from ncrs.evolution.archive import Archive
 from ncrs.runs.champion import Champion
 from ncrs.runs.settings import TrainConfig, flat_settings
@@ -115,7 +116,7 @@ class RunPictures:
         self,
         index: int,
         fitness: NDArray[np.float64],
-        genomes: NDArray[np.floating],
+        genomes: AnyGenomes,
         archive: Archive,
         *,
         last: bool,
@@ -148,11 +149,13 @@ class RunPictures:
         self,
         index: int,
         fitness: NDArray[np.float64],
-        genomes: NDArray[np.floating],
+        genomes: AnyGenomes,
         archive: Archive,
     ) -> None:
         self._writer.add_histogram("population/fitness", fitness[np.isfinite(fitness)], index)
-        self._writer.add_histogram("population/best_genome", genomes[np.nanargmax(fitness)], index)
+        self._writer.add_histogram(
+            "population/best_genome", genomes[int(np.nanargmax(fitness))], index
+        )
         if len(archive):
             self._writer.add_histogram("qd/fitness", archive.column("fitness"), index)
 

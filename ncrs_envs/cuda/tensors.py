@@ -38,6 +38,11 @@ def check_device_name(device: Any) -> int:
     return torch.cuda.current_device() if named.index is None else named.index
 
 
+def kernel_view(tensor: torch.Tensor) -> Any:
+    """Return a tensor on a GPU as an array for kernels, in the same memory."""
+    return tensor.numpy() if IS_SIMULATED else cuda.as_cuda_array(tensor)
+
+
 class SharedMemory:
     """Arrays on one GPU that kernels see as numba's and learners as torch's.
 
@@ -52,7 +57,7 @@ class SharedMemory:
         """Return new memory, as an array for kernels and as a tensor."""
         kind = torch.from_numpy(np.zeros(0, dtype)).dtype
         tensor = torch.zeros(shape, dtype=kind, device=self.device)
-        return (tensor.numpy() if IS_SIMULATED else cuda.as_cuda_array(tensor)), tensor
+        return kernel_view(tensor), tensor
 
     def tensor(self, array: NDArray[Any]) -> torch.Tensor:
         """Return a copy of an array."""

@@ -5,7 +5,9 @@ from itertools import product
 
 import numpy as np
 import pytest
+import torch
 
+from ncrs.automaton.device_genomes import DeviceGenomes
 from ncrs.evolution.archive import AddStatus, Archive, ArchiveError, MeasureSpace
 from ncrs.runs.checkpoint import read_state, write_state
 
@@ -228,3 +230,14 @@ def test_a_foreign_state_is_refused_and_changes_nothing():
         with pytest.raises(ArchiveError, match="its cells must be integers from 0 to 83"):
             archive.load_state({**archive.state(), "cells": np.array(cells)})
     assert archive.column("fitness").tolist() == [0.5]
+
+
+def test_of_genomes_on_a_gpu_only_new_elites_are_copied():
+    rows = np.arange(5.0 * DIMENSION).reshape(5, -1)
+    expected, archive = make(), make()
+    triples, fitness = [[1, 2, 5]] * 4 + [[2, 2, 5]], [0.2, 0.5, 0.4, np.nan, 0.6]
+    offer(expected, triples, fitness, rows)
+    genomes = DeviceGenomes(torch.from_numpy(rows))
+    offer(archive, triples, fitness, genomes)
+    assert genomes.copied == 2
+    np.testing.assert_array_equal(archive.column("genomes"), expected.column("genomes"))

@@ -10,10 +10,12 @@ import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.automaton.device_genomes import DeviceGenomes
 from ncrs.engines.arguments import GivenBodies, ScenarioRows, happens_in
 from ncrs.engines.base import (
     Engine,
@@ -26,6 +28,8 @@ from ncrs.engines.batched import check_compiled_rules, scenario_table
 from ncrs.engines.cuda.devices import check_devices, on_device
 from ncrs.engines.cuda.part import Device, PartResult
 from ncrs_envs.batched.layout import Scenarios
+from ncrs_envs.cuda.gpu import IS_SIMULATED
+from ncrs_envs.cuda.tensors import kernel_view
 from ncrs_envs.tasks import TaskSettings
 
 
@@ -57,9 +61,23 @@ class CUDAEngine(Engine):
         self.devices = tuple(devices)
         self._made: dict[int, Device] = {}
 
+    def _check_genomes(self, genomes: Any) -> Any:
+        if not isinstance(genomes, DeviceGenomes) or not self._takes(genomes):
+            return super()._check_genomes(genomes)
+        weights = genomes.tensor.float()
+        if not bool(weights.isfinite().all()):
+            return super()._check_genomes(genomes)  # says which
+        return DeviceGenomes(weights)
+
+    def _takes(self, genomes: DeviceGenomes) -> bool:
+        """Return True if genomes lie where they are to be evaluated, and have the right length."""
+        device, fits = genomes.tensor.device, genomes.shape[1] == self.layout.num_parameters
+        is_there = device.type == "cpu" if IS_SIMULATED else self.devices == (device.index,)
+        return fits and is_there and len(self.devices) == 1
+
     def _rollout(
         self,
-        genomes: NDArray[np.float32],
+        genomes: Any,  # or DeviceGenomes
         rows: ScenarioRows,
         should_stop: StopCheck,
         bodies: GivenBodies,
@@ -90,7 +108,11 @@ class CUDAEngine(Engine):
                     if len(rows) > 1:
                         own = Scenarios(scenarios.scenarios[chosen], scenarios.quads[chosen])
                     given = None if bodies is None else bodies[chosen]
-                    parts.append(device.evaluate(genomes[chosen], own, given))
+                    if isinstance(genomes, DeviceGenomes):  # on the only GPU
+                        weights = kernel_view(genomes.tensor[part])
+                    else:
+                        weights = genomes[chosen]
+                    parts.append(device.evaluate(weights, own, given))
             return parts
 
         if len(shares) == 1:

@@ -117,13 +117,11 @@ class Device:
         """Capacity for the contacts of one robot."""
         return len(make_scratch(self._settings.grid_size).contacts)
 
-    def evaluate(
-        self, weights: NDArray[np.float32], scenarios: Scenarios, given: GivenBodies
-    ) -> PartResult:
+    def evaluate(self, weights: Any, scenarios: Scenarios, given: GivenBodies) -> PartResult:
         """Grow and drive robots.
 
         Args:
-            weights: Checked genomes, float32 ``(P, num_parameters)``.
+            weights: Checked genomes, float32 ``(P, num_parameters)``, here or on the GPU.
             scenarios: Records, ``(P or 1, E)``.
             given: Bodies to drive instead of grown ones.
         """
@@ -222,7 +220,9 @@ class Device:
         return EPISODES[0] if self._settings.task.has_walls else 3
 
     def _sent(self, name: str, array: NDArray[Any]) -> Any:
-        """Return a copy of an array on the GPU."""
+        """Return a copy of an array on the GPU, or what is there already."""
+        if not isinstance(array, np.ndarray):
+            return array
         return send(array, self._array(name, array.shape, array.dtype))
 
     def _array(self, name: str, shape: tuple[int, ...], dtype: Any) -> Any:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.automaton.device_genomes import AnyGenomes, DeviceGenomes
 from ncrs.evolution.archive import AddResult, Archive
 from ncrs.evolution.optimizers.settings import OptimizerError, OptimizerSettings
 from ncrs.evolution.schema import StoredStateError, check_names
@@ -44,7 +45,7 @@ class Optimizer(ABC):
         # The generator's state before the pending ``ask``: asking again from there gives the same
         # population.
         self._before_ask: dict[str, Any] | None = None
-        self._asked: Genomes | None = None
+        self._asked: AnyGenomes | None = None
         self._attached: Archive | None = None
 
     def ask(self) -> Genomes:
@@ -53,6 +54,13 @@ class Optimizer(ABC):
         Raises:
             OptimizerError: If the fitness of the last population was not told.
         """
+        return np.asarray(self.ask_in_place())
+
+    def ask_in_place(self) -> AnyGenomes:
+        """Propose the next population where the search is: on a GPU with ``device=cuda``.
+
+        Raises as ``ask`` does.
+        """
         if self._asked is not None:
             raise OptimizerError(
                 f"ask() was called twice: first tell() the {len(self._asked)} fitness values of "
@@ -60,6 +68,8 @@ class Optimizer(ABC):
             )
         self._before_ask = _plain(self._generator.bit_generator.state)
         self._asked = self._ask()
+        if isinstance(self._asked, DeviceGenomes):
+            return self._asked
         return self._asked.copy()  # changes to it must not change the search
 
     def attach(self, archive: Archive) -> None:
@@ -178,10 +188,10 @@ class Optimizer(ABC):
         """Return values to plot, such as sigma and the condition number."""
 
     @abstractmethod
-    def _ask(self) -> Genomes: ...
+    def _ask(self) -> AnyGenomes: ...
 
     @abstractmethod
-    def _tell(self, asked: Genomes, fitness: Fitness, added: AddResult | None) -> None: ...
+    def _tell(self, asked: AnyGenomes, fitness: Fitness, added: AddResult | None) -> None: ...
 
     @abstractmethod
     def _state(self) -> State: ...

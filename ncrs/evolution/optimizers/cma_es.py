@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncrs.evolution.optimizers.base import Fitness, Genomes, Optimizer, State
+from ncrs.automaton.device_genomes import AnyGenomes, DeviceGenomes
+from ncrs.evolution.optimizers.base import Fitness, Optimizer, State
 from ncrs.evolution.optimizers.pycma import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA, cma
 from ncrs.evolution.optimizers.pycma_state import capture, restore
 from ncrs.evolution.optimizers.settings import MatrixSettings, OptimizerError, SearchSettings
@@ -116,19 +117,23 @@ class CMAES(Optimizer):
             metrics["covariance_repairs"] = float(self._es.sm.repairs)
         return metrics
 
-    def _ask(self) -> Genomes:
+    def _ask(self) -> AnyGenomes:
         if self.settings.restart_from == "elite" and self._attached is None:
             raise OptimizerError("restart_from=elite needs an archive: call attach(archive) first.")
         # Asking changes part of the state, but of the sampler only its lazy decomposition.
         self._unasked = self._capture(sampler=False)
-        return np.asarray(self._es.ask(self.settings.population), dtype=np.float64)
+        asked: AnyGenomes = self._es.ask(self.settings.population)
+        if isinstance(asked, DeviceGenomes):
+            return asked
+        return np.asarray(asked, dtype=np.float64)
 
-    def _tell(self, asked: Genomes, fitness: Fitness, added: Any = None) -> None:
+    def _tell(self, asked: AnyGenomes, fitness: Fitness, added: Any = None) -> None:
         sigma = self.sigma
         with warnings.catch_warnings():
             # Telling another number than pycma's popsize is deliberate, see ``parents``.
             warnings.filterwarnings("ignore", message="The number of solutions passed to `tell`")
-            self._es.tell(list(asked), (-fitness).tolist())
+            told = asked if isinstance(asked, DeviceGenomes) else list(asked)
+            self._es.tell(told, (-fitness).tolist())
         schedule, restart_sigma = self.settings.schedule, self.settings.restart_sigma
         if schedule is not None:
             self._es.sigma = max(schedule.minimum, sigma * schedule.decay)

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from ncrs.automaton.device_genomes import DeviceGenomes
 from ncrs.evolution.optimizers.cholesky_sampler import CholeskySampler, check_device
 from ncrs.evolution.optimizers.pycma import Mh
 from ncrs.evolution.schema import check_like, check_names
@@ -101,17 +102,19 @@ class DeviceStrategy(ABC):
             weights: Learning rates of the population's products.
         """
 
-    def ask(self, number: int) -> Vector:
+    def ask(self, number: int) -> DeviceGenomes:
         """Draw a population, ``(number, N)``."""
         self._z = torch.randn(
             (number, self.N), generator=self._generator, dtype=self.dtype, device=self._device
         )
         steps = self._steps(self._z)
-        genomes: Vector = (self._mean + self.sigma * steps.double()).cpu().numpy()
-        return genomes
+        return DeviceGenomes(self._mean + self.sigma * steps.double())
 
-    def tell(self, genomes: Sequence[Any], values: Sequence[float]) -> None:
-        """Learn from the values of the population that was asked for, smaller is better."""
+    def tell(self, genomes: Any, values: Sequence[float]) -> None:
+        """Learn from the values of the population that was asked for, smaller is better.
+
+        The genomes are not read: what they were made of is at hand.
+        """
         assert self._z is not None
         constants = self._template.sp
         order = torch.from_numpy(np.argsort(np.asarray(values))).to(self._device)

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.automaton.device_genomes import AnyGenomes
 from ncrs.evolution.archive import AddResult
-from ncrs.evolution.optimizers.base import Fitness, Genomes, State
+from ncrs.evolution.optimizers.base import Fitness, State
 from ncrs.evolution.optimizers.cma_es import CMAES
 from ncrs.evolution.optimizers.quality_diversity import QDOptimizer
 from ncrs.evolution.optimizers.settings import EmitterSettings
@@ -67,10 +68,10 @@ class EmitterOptimizer(QDOptimizer):
     def _judge(self, fitness: Fitness, added: AddResult) -> tuple[Fitness, bool]:
         """Return the values that the emitter maximises, ``(P,)``, and True for a useful turn."""
 
-    def _ask(self) -> Genomes:
-        return self._emitters[self._turn].ask()
+    def _ask(self) -> AnyGenomes:
+        return self._emitters[self._turn].ask_in_place()
 
-    def _tell(self, asked: Genomes, fitness: Fitness, added: AddResult | None) -> None:
+    def _tell(self, asked: AnyGenomes, fitness: Fitness, added: AddResult | None) -> None:
         assert added is not None  # checked by tell
         turn = self._turn
         values, useful = self._judge(fitness, added)

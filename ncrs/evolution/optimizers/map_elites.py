@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ncrs.automaton.device_genomes import AnyGenomes
 from ncrs.evolution.archive import AddResult
 from ncrs.evolution.optimizers.base import Fitness, Genomes, State
 from ncrs.evolution.optimizers.quality_diversity import QDOptimizer
@@ -75,7 +76,7 @@ class MAPElites(QDOptimizer):
             parent[weights] += sigma * generator.standard_normal(mutated)
         return parents
 
-    def _tell(self, asked: Genomes, fitness: Fitness, added: AddResult | None) -> None:
+    def _tell(self, asked: AnyGenomes, fitness: Fitness, added: AddResult | None) -> None:
         self._told += len(asked)
 
     def _state(self) -> State:

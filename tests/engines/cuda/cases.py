@@ -9,7 +9,9 @@ from dataclasses import replace
 from unittest import mock
 
 import numpy as np
+import torch
 
+from ncrs.automaton.device_genomes import DeviceGenomes
 from ncrs.runs.published import load_champion
 from ncrs_envs.scenario import Scenario, sample_scenarios
 from ncrs_envs.tasks import TaskSettings
@@ -56,10 +58,24 @@ def evaluate(engine, module, task):
         )
 
 
+def on_the_gpu(task):
+    """Grow genomes that lie on the GPU; return how many were copied to do so, and the bodies."""
+    from ncrs.engines.cuda.engine import CUDAEngine
+
+    known = DeviceGenomes(torch.from_numpy(genomes(task)))
+    with mock.patch("ncrs.engines.cuda.part.MAX_EPISODE_STEPS", 1):
+        bodies = CUDAEngine(TaskSettings(task)).evaluate(known, scenarios(task)[:1]).bodies
+    return known.copied, bodies
+
+
 def main(path, task):
     from ncrs.engines.cuda.engine import CUDAEngine
 
-    np.savez(path, **vars(evaluate(CUDAEngine, "ncrs.engines.cuda.part", task)))
+    result = dict(vars(evaluate(CUDAEngine, "ncrs.engines.cuda.part", task)))
+    if task not in GIVEN:
+        with mock.patch.object(Scenario, "_check_start"):
+            result["copied"], result["bodies_of_device_genomes"] = on_the_gpu(task)
+    np.savez(path, **result)
 
 
 if __name__ == "__main__":

@@ -37,6 +37,9 @@ def test_growth_control_and_contacts_are_bit_equal(task, tmp_path):
     assert expected.episode_fitness.shape == (2, EPISODES[task])
     for name, value in vars(expected).items():
         np.testing.assert_array_equal(results[name], value, err_msg=name)
+    if task not in GIVEN:
+        assert results["copied"] == 0
+        np.testing.assert_array_equal(results["bodies_of_device_genomes"], expected.bodies)
 
 
 @pytest.mark.parametrize("task", TASKS)

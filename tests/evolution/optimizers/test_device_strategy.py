@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 import torch
 
+from ncrs.automaton.device_genomes import DeviceGenomes
 from ncrs.evolution.optimizers import make_optimizer
 from ncrs.evolution.optimizers.cholesky_sampler import CholeskySampler
 from ncrs.evolution.optimizers.cma_es import CMAES
@@ -140,3 +141,17 @@ def test_the_setting_device_keeps_the_search_on_the_gpu(kind):
     for _ in range(1500):
         search.tell(_ellipsoid(search.ask()))
     np.testing.assert_allclose(search.mean, 1.0, atol=1e-6)
+
+
+def test_a_population_in_place_is_the_one_that_is_copied():
+    seed = np.random.SeedSequence(7)
+    copied = OnDevice(DIMENSION, seed, _settings())
+    kept = OnDevice(DIMENSION, np.random.SeedSequence(7), _settings())
+    for _ in range(3):
+        expected, genomes = copied.ask(), kept.ask_in_place()
+        assert isinstance(genomes, DeviceGenomes)
+        fitness = _ellipsoid(expected)
+        copied.tell(fitness)
+        kept.tell(fitness)
+        assert genomes.copied <= 1  # the best so far
+        np.testing.assert_array_equal(np.asarray(genomes), expected)
