@@ -213,6 +213,7 @@ def _generation(optimizer: Any, archive: Archive, engine: Any, index: int) -> li
     scenarios = sample_scenarios(engine.settings.task, index, EPISODES)
     times = [time.perf_counter()]
     genomes = optimizer.ask_in_place()
+    cuda.synchronize()
     times.append(time.perf_counter())
     result = engine.evaluate(genomes, scenarios)
     times.append(time.perf_counter())

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncrs_envs.body import DEFAULT_GRID_SIZE, BodyError, is_whole_body, parse_body
+from ncrs_envs.interface import from_tensor
 from ncrs_envs.tasks import Task
 
 
@@ -32,6 +33,7 @@ def check_bodies(
     Raises:
         BodyError: A body is malformed, or the task cannot use it; names the owner.
     """
+    body = from_tensor(body)
     if not _is_one_for_each(body):
         grid = parse_body(body, grid_size)
         task.check_body(grid)
@@ -97,6 +99,7 @@ def grid_side(body: Any) -> int:
     """Return the side of the grid of a body, or of an array of bodies."""
     if body is None:
         return DEFAULT_GRID_SIZE
+    body = from_tensor(body)
     if _is_one_for_each(body):
         body = body[0]
     return int(parse_body(body).shape[0])

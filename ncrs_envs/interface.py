@@ -62,6 +62,13 @@ def check_flag(value: Any, name: str) -> bool:
     return bool(value)
 
 
+def from_tensor(value: Any) -> Any:
+    """Return a tensor of torch, wherever it is, as a numpy array, and anything else as it is."""
+    if callable(getattr(value, "detach", None)):
+        return value.detach().cpu().numpy()
+    return value
+
+
 def check_action(action: Any, shape: tuple[int, ...], meaning: str) -> NDArray[np.float32]:
     """Return an action as a new float32 array, clipped to the range of float32.
 
@@ -75,11 +82,13 @@ def check_action(action: Any, shape: tuple[int, ...], meaning: str) -> NDArray[n
             are not finite.
     """
     try:
-        raw = np.asarray(action)
+        raw = np.asarray(from_tensor(action))
     except ValueError as error:
         raise ActionError(
             f"action must be an array of shape {shape}; its rows differ in length ({error})."
         ) from error
+    except TypeError as error:  # such as a kind of number that only torch has
+        raise ActionError(f"action must be an array of real numbers ({error}).") from error
     if raw.dtype.kind not in "fiub":
         raise ActionError(f"action must hold real numbers, got dtype {raw.dtype}.")
     if raw.shape != shape:

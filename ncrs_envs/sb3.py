@@ -16,6 +16,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from ncrs_envs.body import parse_body
 from ncrs_envs.interface import RESET_OPTIONS, OptionError
 from ncrs_envs.wrappers.signals import ViewError
+from ncrs_envs.wrappers.vector import check_on_cpu
 
 if TYPE_CHECKING:
     _Envs = VectorEnv[Any, Any, Any]
@@ -42,6 +43,7 @@ class SB3VecEnv(VecEnv):
     """
 
     def __init__(self, envs: _Envs) -> None:
+        check_on_cpu(envs)
         if envs.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
             raise ViewError(
                 "SB3VecEnv needs environments that restart in the step in which they end; make "

@@ -6,10 +6,14 @@ import importlib.util
 from functools import partial
 from typing import Any
 
+from ncrs_envs.batched import vector_env
 from ncrs_envs.batched.vector_base import VectorBase
-from ncrs_envs.batched.vector_env import VECTOR_ENVS, RobotVectorEnv
+from ncrs_envs.batched.vector_env import RobotVectorEnv
 from ncrs_envs.interface import OptionError
-from ncrs_envs.tasks import CARRY_BALL, LIGHT_CHASE, OBSTACLE, OBSTACLE_TOUCH, get_task
+from ncrs_envs.tasks import TASKS, get_task
+
+_ON_THE_CPU = {"threads", "render_size", "render_envs"}
+"""Arguments of ``RobotVectorEnv`` that mean nothing on a GPU."""
 
 
 def make_task_vector_env(task: str, device: Any = "cpu", **arguments: Any) -> VectorBase:
@@ -25,11 +29,16 @@ def make_task_vector_env(task: str, device: Any = "cpu", **arguments: Any) -> Ve
         OptionError: The device is unknown, or a package that it needs is missing.
     """
     found = get_task(task)
-    if str(device) == "cpu":
-        made = VECTOR_ENVS.get(found.name)
-        if made is None:
-            made = type(f"{found.title}VectorEnv", (RobotVectorEnv,), {"task": found})
+    if str(device) in ("cpu", "cpu:0"):
+        name = f"{found.title}VectorEnv"
+        own: type[RobotVectorEnv] | None = getattr(vector_env, name, None)
+        made: type[RobotVectorEnv] = own or type(name, (RobotVectorEnv,), {"task": found})
         return made(**arguments)
+    foreign = sorted(arguments.keys() & _ON_THE_CPU)
+    if foreign:
+        raise OptionError(
+            f"{', '.join(foreign)}: for environments on the CPU only, without device."
+        )
     for module, package in (("torch", "torch"), ("numba_cuda", "numba-cuda")):
         if importlib.util.find_spec(module) is None:
             raise OptionError(
@@ -43,7 +52,9 @@ def make_task_vector_env(task: str, device: Any = "cpu", **arguments: Any) -> Ve
     return on_gpu(device=device, **arguments)
 
 
-make_light_chase = partial(make_task_vector_env, LIGHT_CHASE.name)
-make_obstacle = partial(make_task_vector_env, OBSTACLE.name)
-make_carry_ball = partial(make_task_vector_env, CARRY_BALL.name)
-make_obstacle_touch = partial(make_task_vector_env, OBSTACLE_TOUCH.name)
+def __getattr__(name: str) -> Any:
+    """Return the maker of a task's environments, ``make_TASK``, which Gymnasium asks for."""
+    task = name.removeprefix("make_")
+    if task == name or task not in TASKS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return partial(make_task_vector_env, task)

@@ -6,11 +6,12 @@ Source: paper section 3 (the NCA); the layer sizes are those of the published ru
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ncrs.automaton.device_genomes import AnyGenomes, DeviceGenomes
 from ncrs_envs.body import Cell
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import Task, get_task
@@ -114,7 +115,13 @@ class NCALayout:
             )
         ]
 
-    def symmetric(self, genomes: NDArray[np.float64]) -> NDArray[np.float64]:
+    @overload
+    def symmetric(self, genomes: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+    @overload
+    def symmetric(self, genomes: DeviceGenomes) -> DeviceGenomes: ...
+
+    def symmetric(self, genomes: AnyGenomes) -> AnyGenomes:
         """Project onto symmetric genomes, which treat left and right alike.
 
         The left and the right column of each 3 x 3 kernel are replaced by their average; the rest
@@ -126,9 +133,14 @@ class NCALayout:
             genomes: Shape ``(P, num_parameters)``; not changed.
 
         Returns:
-            The nearest symmetric genomes, float64, same shape.
+            The nearest symmetric genomes, float64, same shape, on a GPU if these are.
         """
         size = int(np.prod(self.parameter_shapes[0]))
+        if isinstance(genomes, DeviceGenomes):
+            tensor = genomes.tensor.clone()
+            rows = tensor[:, :size].reshape(-1, KERNEL_SIZE)
+            tensor[:, :size] = (0.5 * (rows + rows.flip(1))).reshape(len(genomes), size)
+            return DeviceGenomes(tensor)
         result = np.array(genomes, dtype=np.float64)
         kernels = result[:, :size].reshape(-1, KERNEL_SIZE)
         kernels[:] = 0.5 * (kernels + kernels[:, ::-1])

@@ -40,6 +40,8 @@ class DeviceGenomes:
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         """Copy all genomes, float64 unless asked otherwise."""
+        if copy is False:
+            raise ValueError("Genomes on a GPU cannot become an array without a copy.")
         copied: NDArray[Any] = self[:].astype(np.float64 if dtype is None else dtype, copy=False)
         return copied
 

@@ -223,9 +223,10 @@ class Archive:
                 status[index] = AddStatus.NEW if is_empty else AddStatus.IMPROVED
                 best[cell], elites[cell] = value, index
         written, taken = np.array(list(elites), dtype=np.int64), list(elites.values())
+        kept = {name: values[taken] for name, values in offered.items()}  # may come from a GPU
         self._fill(written[self._rows[written] == NO_ROW])
         for name, column in self._columns.items():
-            column[self._rows[written]] = offered[name][taken]
+            column[self._rows[written]] = kept[name]
         return AddResult(cells, status, improvement)
 
     def _best(self, cells: NDArray[np.int64]) -> dict[int, float]:

@@ -86,8 +86,8 @@ class Search:
     def ask(self) -> AnyGenomes:
         """Propose the next population, ``(P, N)``, on the GPU if the search is there."""
         points = self._optimizer.ask_in_place()
-        if self._config.space == WEIGHTS and not self._is_symmetric:
-            return points
+        if self._config.space == WEIGHTS:
+            return self._layout.symmetric(points) if self._is_symmetric else points
         return self._searched(np.asarray(points))
 
     def draw(self, generation: int, population: int) -> DrawnScenarios:
@@ -194,4 +194,4 @@ class Search:
     def _searched(self, points: Genomes) -> Genomes:
         """Return the genomes of points, the nearest symmetric ones if only those are searched."""
         genomes = self._space.genomes(points)
-        return self._layout.symmetric(genomes) if self._is_symmetric else genomes
+        return np.asarray(self._layout.symmetric(genomes)) if self._is_symmetric else genomes

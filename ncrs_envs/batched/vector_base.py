@@ -20,7 +20,7 @@ from ncrs_envs.batched.vector_options import (
     check_step_limit,
 )
 from ncrs_envs.bodies import check_bodies
-from ncrs_envs.interface import check_flag
+from ncrs_envs.interface import check_flag, from_tensor
 from ncrs_envs.physics import DT
 from ncrs_envs.tasks import Task, TaskSettings, default_body
 
@@ -85,14 +85,19 @@ class VectorBase(_BaseEnv):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """The spec that this was made from, with its body as nested lists, for JSON."""
+        """The spec that this was made from, its body as nested lists and so on, for JSON."""
         return self._spec
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        if spec is not None and spec.kwargs.get("body") is not None:
+        if spec is not None:
+            plain = dict(spec.kwargs)
+            if plain.get("body") is not None:
+                plain["body"] = np.asarray(from_tensor(plain["body"])).tolist()
+            if "device" in plain:
+                plain["device"] = str(plain["device"])
             spec = copy.copy(spec)
-            spec.kwargs = {**spec.kwargs, "body": np.asarray(spec.kwargs["body"]).tolist()}
+            spec.kwargs = plain
         self._spec = spec
 
     def _check_open(self) -> None:

@@ -336,10 +336,3 @@ class ObstacleTouchVectorEnv(RobotVectorEnv):
     """Many robots, each feeling for a passage to a light; see ``ObstacleTouchEnv``."""
 
     task = OBSTACLE_TOUCH
-
-
-VECTOR_ENVS: dict[str, type[RobotVectorEnv]] = {
-    made.task.name: made
-    for made in (LightChaseVectorEnv, ObstacleVectorEnv, CarryBallVectorEnv, ObstacleTouchVectorEnv)
-}
-"""The classes of the built-in tasks, by name."""

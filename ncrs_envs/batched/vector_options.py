@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from ncrs_envs.interface import OptionError, check_damage
+from ncrs_envs.interface import OptionError, check_damage, from_tensor
 from ncrs_envs.perturbations import Damage
 from ncrs_envs.scenario import Scenario, ScenarioError, check_region
 from ncrs_envs.tasks import Task, TaskError, TaskSettings
@@ -40,6 +40,7 @@ def check_mask(mask: Any, count: int) -> NDArray[np.bool_]:
     """
     if mask is None:
         return np.ones(count, dtype=np.bool_)
+    mask = from_tensor(mask)
     if not isinstance(mask, np.ndarray):
         raise MaskTypeError(f"reset_mask must be a numpy array, got {type(mask).__name__}.")
     if mask.dtype != np.bool_:
@@ -70,7 +71,7 @@ def check_regions(region: Any, count: int) -> list[int | None]:
         OptionError: A sequence has the wrong length.
         ScenarioError: A region is unknown.
     """
-    regions = _for_each(region, (int, np.integer), count)
+    regions = _for_each(from_tensor(region), (int, np.integer), count)
     return [None if region is None else check_region(region) for region in regions]
 
 
@@ -112,6 +113,7 @@ def check_seeds(seed: Any, count: int) -> list[int | None]:
     """
     if seed is None:
         return [None] * count
+    seed = from_tensor(seed)
     if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
         return [_check_seed(seed) + i for i in range(count)]
     if not isinstance(seed, np.ndarray | Sequence) or isinstance(seed, str):

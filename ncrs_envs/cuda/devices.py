@@ -15,6 +15,10 @@ MIN_CAPABILITY = (8, 0)
 """The first compute capability with all the instructions in use (NVIDIA Ampere, 2020)."""
 
 
+_ERRORS = ("CudaAPIError", "CUDAError", "AcceleratorError", "OutOfMemoryError")
+"""Names of the errors in which numba-cuda, cuda.core and torch report a GPU's failures."""
+
+
 class UnusableGPUError(NCRSError, ValueError):
     """A GPU that is not there, too old, or taken."""
 
@@ -46,6 +50,11 @@ def check_device(index: int) -> None:
         )
 
 
+def _is_of_gpu(error: Exception) -> bool:
+    """Return True for an error of a GPU, by name: it may come from a package not imported here."""
+    return type(error).__name__ in _ERRORS
+
+
 def _reason() -> str:
     lines = str(cuda.cuda_error() or "").strip().splitlines()
     return lines[0].rstrip(".") if lines else "no driver was found"
@@ -68,22 +77,24 @@ def on_device(index: int) -> Iterator[None]:
         UnusableGPUError: The GPU cannot be used now, such as while another process has it alone.
         FailedGPUError: Its memory was used up, or a kernel failed.
     """
-    from numba.cuda.cudadrv.driver import CudaAPIError
-
     if IS_SIMULATED:
         yield
         return
     try:
         context = cuda.gpus[index]
         context.__enter__()
-    except CudaAPIError as error:
+    except Exception as error:
+        if not _is_of_gpu(error):
+            raise
         raise UnusableGPUError(
             f"GPU {index} cannot be used now ({error}): another process may have it to itself."
         ) from error
     try:
         yield
-    except CudaAPIError as error:
-        if "OUT_OF_MEMORY" in str(error):
+    except Exception as error:
+        if not _is_of_gpu(error):
+            raise
+        if "outofmemory" in f"{type(error).__name__}{error}".replace("_", "").lower():
             raise FailedGPUError(
                 f"GPU {index} has too little free memory ({error}): end other processes on it, or "
                 "simulate fewer episodes at once."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from ncrs_envs.batched.records import robot_records, settings_record
 from ncrs_envs.batched.sampling import MAX_QUADS, MAX_VERTICES, Room, Walls, no_start
 from ncrs_envs.batched.scenario_table import Indices
 from ncrs_envs.batched.streams import STREAM_SIZE
-from ncrs_envs.cuda.gpu import Launcher, device_array, free_memory, to_device, to_host
+from ncrs_envs.cuda.gpu import Launcher, device_array, free_memory, to_device, to_host, wait
 from ncrs_envs.cuda.kernels import (
     Fleet,
     Readings,
@@ -41,6 +42,9 @@ from ncrs_envs.tasks import TaskSettings, playfield
 _THREADS = 64
 """Threads per block; each has an environment."""
 _WORD = np.dtype(np.uint64)
+
+_Make = Callable[[tuple[int, ...], Any], Any]
+"""Function of shape and dtype that makes an array."""
 
 
 class FleetMemory:
@@ -68,65 +72,34 @@ class FleetMemory:
         ends: tuple[int, bool, bool],
         shared: SharedMemory,
     ) -> None:
-        n, task = settings.grid_size, settings.task
+        n = settings.grid_size
         self._count, self._cells, self._shared = count, n * n, shared
-        room = Room(n, playfield(n), NOISE)
-        self._rules = Rules(room, task.has_walls, *ends)
-        contacts = len(make_scratch(n).contacts)
-        walls = count if task.has_walls else 1
-        _check_memory(count, _bytes_per_env(settings, contacts))
-        failures, self._failures = shared.zeros((1,), np.int64)
+        self._rules = Rules(Room(n, playfield(n), NOISE), settings.task.has_walls, *ends)
+        _check_memory(count, _bytes_per_env(settings))
         setting = records(Settings, 1)
         setting[0] = settings_record(settings)
-        self._fleet = Fleet(
-            to_device(setting),
-            Robots(*(device_array((count, *a.shape[1:]), a.dtype) for a in make_robots(1, n))),
-            Scenarios(
-                *(
-                    device_array((count, *a.shape[1:]), a.dtype)
-                    for a in make_scenarios(1, MAX_QUADS if task.has_walls else 0)
-                )
-            ),
-            device_array((count,), dtype_of(State)),
-            device_array((count, contacts), dtype_of(Contact)),
-            device_array((count, STREAM_SIZE), _WORD),
-            Walls(
-                device_array((walls, 2), np.int64),
-                device_array((walls, 2, MAX_VERTICES, 2), np.float64),
-                device_array((walls, MAX_QUADS, 4, 2), np.float64),
-            ),
-            failures,
-        )
-        self._readings, self.readings = self._make_readings(count)
-        self._last, self.last = self._make_readings(count if self._rules.resets_at_once else 1)
-        self._turn, self.turn = self._make_turn()
+        failures, self._failures = shared.zeros((1,), np.int64)
+        own = _own_arrays(settings, count, device_array)
+        self._fleet = Fleet(to_device(setting), *own, failures)
+        readings = _reading_shapes(self._cells)
+        made, self.readings = self._shared_arrays(readings, count)
+        self._readings = Readings(**made)
+        made, self.last = self._shared_arrays(readings, count if self._rules.resets_at_once else 1)
+        self._last = Readings(**made)
+        made, self.turn = self._shared_arrays(_turn_shapes(self._cells), count)
+        self._turn = Turn(**made)
         self._start, self._step = Launcher(start_envs), Launcher(step_envs)
         self._scatter = Launcher(scatter)
 
-    def _make_readings(self, count: int) -> tuple[Readings, dict[str, torch.Tensor]]:
-        fields = {
-            "observations": ((count, self._cells), np.float32),
-            "poses": ((count, 3), np.float64),
-            "distances": ((count, 2), np.float64),
-            "success": ((count,), np.bool_),
-            "crossed": ((count,), np.bool_),
+    def _shared_arrays(
+        self, shapes: dict[str, Any], count: int
+    ) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+        """Return new arrays as kernels and as learners see them, by name."""
+        made = {
+            name: self._shared.zeros((count, *shape), dtype)
+            for name, (shape, dtype) in shapes.items()
         }
-        made = {name: self._shared.zeros(*kind) for name, kind in fields.items()}
-        arrays = Readings(**{name: array for name, (array, _) in made.items()})
-        return arrays, {name: tensor for name, (_, tensor) in made.items()}
-
-    def _make_turn(self) -> tuple[Turn, dict[str, torch.Tensor]]:
-        one = (self._count,)
-        fields: dict[str, tuple[tuple[int, ...], Any]] = {
-            "actions": ((self._count, self._cells), np.float32),
-            "rewards": (one, np.float64),
-            "terminated": (one, np.bool_),
-            "truncated": (one, np.bool_),
-            "is_done": (one, np.bool_),
-            "steps": (one, np.int64),
-        }
-        made = {name: self._shared.zeros(*kind) for name, kind in fields.items()}
-        arrays = Turn(**{name: array for name, (array, _) in made.items()})
+        arrays = {name: array for name, (array, _) in made.items()}
         return arrays, {name: tensor for name, (_, tensor) in made.items()}
 
     def set_bodies(self, envs: Indices, bodies: NDArray[np.int8]) -> None:
@@ -139,6 +112,7 @@ class FleetMemory:
         held = self._fleet.scenarios
         missing = rows.quads.shape[1] - held.quads.shape[1]
         if missing > 0:
+            wait()  # for what was started on torch's stream
             quads = to_device(np.pad(to_host(held.quads), ((0, 0), (0, missing))))
             held = Scenarios(held.scenarios, quads)
             self._fleet = self._fleet._replace(scenarios=held)
@@ -154,11 +128,9 @@ class FleetMemory:
         """Write rows, or the only one, into the places of environments."""
         if not len(envs):
             return
-        chosen = to_device(np.asarray(envs, dtype=np.int64))
-        self._scatter(
-            _blocks(len(envs)), _THREADS, 0, chosen, to_device(_words(rows)), _words(place),
-            stream=self._shared.stream,
-        )  # fmt: skip
+        chosen, words = to_device(np.asarray(envs, dtype=np.int64)), to_device(_words(rows))
+        wait()  # for the copies, which are not on torch's stream
+        self._launch(self._scatter, len(envs), chosen, words, _words(place))
 
     def start(self, kinds: NDArray[np.int8], regions: NDArray[np.int64]) -> None:
         """Start episodes; arguments as in ``kernels.start_envs``.
@@ -167,12 +139,14 @@ class FleetMemory:
             ScenarioError: No start free of walls was found.
         """
         what = (to_device(kinds), to_device(regions))
+        wait()
         arguments = (self._fleet, self._readings, self._turn, self._rules, what)
-        self._start(_blocks(self._count), _THREADS, 0, *arguments, stream=self._shared.stream)
+        self._launch(self._start, self._count, *arguments)
         self._check_starts()
 
     def _check_starts(self) -> None:
         if int(self._failures.item()):
+            self._failures.zero_()
             raise no_start(self._rules.room.grid_size)
 
     def step(self, actions: torch.Tensor) -> None:
@@ -185,17 +159,63 @@ class FleetMemory:
             ActionError: An action is not finite.
             ScenarioError: A start in the last step was not free of walls.
         """
-        if not bool(torch.isfinite(actions).all()):
-            index = tuple(torch.nonzero(~torch.isfinite(actions))[0].tolist())
+        finite = torch.isfinite(actions)
+        if not bool(finite.all() & (self._failures == 0)):
+            self._check_starts()
+            index = tuple(torch.nonzero(~finite)[0].tolist())
             raise ActionError(f"action must be finite, got {actions[index].item()} at {index}.")
-        self._check_starts()
         self.turn["actions"].copy_(actions.reshape(self._count, self._cells)).clamp_(-1.0, 1.0)
         arguments = (self._fleet, self._readings, self._last, self._turn, self._rules)
-        self._step(_blocks(self._count), _THREADS, 0, *arguments, stream=self._shared.stream)
+        self._launch(self._step, self._count, *arguments)
+
+    def _launch(self, kernel: Launcher, threads: int, *arguments: Any) -> None:
+        blocks = (-(-threads // _THREADS),)
+        kernel(blocks, _THREADS, 0, *arguments, stream=self._shared.stream)
 
 
-def _blocks(threads: int) -> tuple[int]:
-    return (-(-threads // _THREADS),)
+def _own_arrays(
+    settings: TaskSettings, count: int, make: _Make
+) -> tuple[Robots, Scenarios, Any, Any, Any, Walls]:
+    """Make the arrays of ``Fleet`` between its settings and its failures."""
+    n, has_walls = settings.grid_size, settings.task.has_walls
+    scenarios = make_scenarios(1, MAX_QUADS if has_walls else 0)
+    contacts = len(make_scratch(n).contacts)
+    walls = count if has_walls else 1
+    return (
+        Robots(*(make((count, *array.shape[1:]), array.dtype) for array in make_robots(1, n))),
+        Scenarios(*(make((count, *array.shape[1:]), array.dtype) for array in scenarios)),
+        make((count,), dtype_of(State)),
+        make((count, contacts), dtype_of(Contact)),
+        make((count, STREAM_SIZE), _WORD),
+        Walls(
+            make((walls, 2), np.int64),
+            make((walls, 2, MAX_VERTICES, 2), np.float64),
+            make((walls, MAX_QUADS, 4, 2), np.float64),
+        ),
+    )
+
+
+def _reading_shapes(cells: int) -> dict[str, Any]:
+    """Return shape and dtype of the fields of ``Readings``, for one environment."""
+    return {
+        "observations": ((cells,), np.float32),
+        "poses": ((3,), np.float64),
+        "distances": ((2,), np.float64),
+        "success": ((), np.bool_),
+        "crossed": ((), np.bool_),
+    }
+
+
+def _turn_shapes(cells: int) -> dict[str, Any]:
+    """Return shape and dtype of the fields of ``Turn``, for one environment."""
+    return {
+        "actions": ((cells,), np.float32),
+        "rewards": ((), np.float64),
+        "terminated": ((), np.bool_),
+        "truncated": ((), np.bool_),
+        "is_done": ((), np.bool_),
+        "steps": ((), np.int64),
+    }
 
 
 def _words(array: Any) -> Any:
@@ -204,11 +224,18 @@ def _words(array: Any) -> Any:
     return array.view(_WORD).reshape(rows, array.nbytes // (rows * _WORD.itemsize))
 
 
-def _bytes_per_env(settings: TaskSettings, contacts: int) -> int:
-    n, has_walls = settings.grid_size, settings.task.has_walls
-    arrays = [*make_robots(1, n), *make_scenarios(1, MAX_QUADS if has_walls else 0)]
-    own = dtype_of(State).itemsize + contacts * dtype_of(Contact).itemsize
-    return own + sum(array.nbytes for array in arrays) + 8 * n * n
+def _bytes_per_env(settings: TaskSettings) -> int:
+    sizes: list[int] = []
+
+    def measure(shape: tuple[int, ...], dtype: Any) -> None:
+        sizes.append(int(np.prod(shape)) * np.dtype(dtype).itemsize)
+
+    _own_arrays(settings, 1, measure)
+    cells = settings.grid_size**2
+    for shapes in (_reading_shapes(cells), _reading_shapes(cells), _turn_shapes(cells)):
+        for shape, dtype in shapes.values():
+            measure(shape, dtype)
+    return sum(sizes)
 
 
 def _check_memory(count: int, each: int) -> None:

@@ -39,6 +39,14 @@ def device_function(function: Function) -> Function:
     return cast(Function, cuda.jit(device=True)(function))
 
 
+def inlined_on_gpu(function: Function) -> Function:
+    """Make a device function that is compiled into its callers.
+
+    For functions that return tuples of records, which device functions cannot return.
+    """
+    return cast(Function, cuda.jit(device=True, inline="always")(function))
+
+
 def reused(function: Function) -> Function:
     """Make a device function of one that numba compiles into its callers on the CPU."""
     return cast(Function, device_function(function.py_func))  # type: ignore[attr-defined]
@@ -73,6 +81,12 @@ def to_host(array: Any) -> NDArray[Any]:
     """Copy an array from its GPU, after all that was launched there before."""
     copy: NDArray[Any] = array.copy() if IS_SIMULATED else array.copy_to_host()
     return copy
+
+
+def wait() -> None:
+    """Wait for all that was started on the current GPU, on any stream."""
+    if not IS_SIMULATED:
+        cuda.synchronize()
 
 
 def max_shared() -> int:

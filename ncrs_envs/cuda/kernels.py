@@ -16,6 +16,7 @@ from ncrs_envs.batched.dynamics import grid_center
 from ncrs_envs.batched.layout import (
     MAX_CORNERS,
     Contact,
+    Point,
     Robots,
     Scenarios,
     Settings,
@@ -25,7 +26,7 @@ from ncrs_envs.batched.layout import (
 from ncrs_envs.batched.sampling import RANDOM_REGION, Room, Walls, draw_obstacle, draw_points
 from ncrs_envs.batched.sensing import distances
 from ncrs_envs.batched.simulate import observe, push_robot, reset_episode
-from ncrs_envs.cuda.gpu import POINT, device_function, gpu_kernel, reused
+from ncrs_envs.cuda.gpu import POINT, device_function, gpu_kernel, inlined_on_gpu, reused
 
 _push_robot = reused(push_robot)
 _observe = reused(observe)
@@ -48,7 +49,7 @@ class Fleet(NamedTuple):
     streams: NDArray[np.uint64]
     """Random streams, ``(count, STREAM_SIZE)``."""
     walls: Walls
-    """Room for walls while they are drawn: a first axis on all three; empty without walls."""
+    """Room for walls while they are drawn: a first axis on all three; of 1 in tasks without."""
     failures: NDArray[np.int64]
     """Number of scenarios that could not be drawn, ``(1,)``."""
 
@@ -90,6 +91,21 @@ class Rules(NamedTuple):
     """True if success ends an episode."""
     resets_at_once: bool
     """True for Gymnasium's ``SAME_STEP``."""
+
+
+@inlined_on_gpu
+def _world(fleet: Fleet, env: int, corners: NDArray[Point]) -> World:
+    return World(
+        fleet.settings[0],
+        fleet.robots.robots[env],
+        fleet.robots.wheels[env],
+        fleet.robots.sensors[env],
+        fleet.robots.exposed[env],
+        fleet.scenarios.scenarios[env],
+        fleet.scenarios.quads[env],
+        fleet.contacts[env],
+        corners,
+    )
 
 
 @device_function
@@ -138,20 +154,9 @@ def start_envs(
     kinds, regions = what
     if env >= kinds.shape[0] or kinds[env] == LEAVE:
         return
-    corners = cuda.local.array(MAX_CORNERS, POINT)
     if kinds[env] == DRAW:
         _draw(fleet, rules, env, regions[env])
-    world = World(
-        fleet.settings[0],
-        fleet.robots.robots[env],
-        fleet.robots.wheels[env],
-        fleet.robots.sensors[env],
-        fleet.robots.exposed[env],
-        fleet.scenarios.scenarios[env],
-        fleet.scenarios.quads[env],
-        fleet.contacts[env],
-        corners,
-    )
+    world = _world(fleet, env, cuda.local.array(MAX_CORNERS, POINT))
     state = fleet.states[env]
     reset_episode(world, state, readings.observations[env])
     _read(world, state, readings, env)
@@ -179,18 +184,7 @@ def step_envs(
     env = cuda.grid(1)
     if env >= turn.steps.shape[0]:
         return
-    corners = cuda.local.array(MAX_CORNERS, POINT)
-    world = World(
-        fleet.settings[0],
-        fleet.robots.robots[env],
-        fleet.robots.wheels[env],
-        fleet.robots.sensors[env],
-        fleet.robots.exposed[env],
-        fleet.scenarios.scenarios[env],
-        fleet.scenarios.quads[env],
-        fleet.contacts[env],
-        corners,
-    )
+    world = _world(fleet, env, cuda.local.array(MAX_CORNERS, POINT))
     state, observation = fleet.states[env], readings.observations[env]
     reward, steps = 0.0, 0
     starts = turn.is_done[env]

@@ -13,6 +13,11 @@ from torch.utils.dlpack import from_dlpack
 from ncrs_envs.cuda.gpu import IS_SIMULATED
 from ncrs_envs.interface import ActionError, OptionError
 
+_REAL = (
+    *(torch.float16, torch.bfloat16, torch.float32, torch.float64, torch.bool, torch.uint8),
+    *(torch.int8, torch.int16, torch.int32, torch.int64),
+)
+
 
 def check_device_name(device: Any) -> int:
     """Return the index of the GPU that ``device`` names.
@@ -56,7 +61,8 @@ class SharedMemory:
     def zeros(self, shape: tuple[int, ...], dtype: Any) -> tuple[Any, torch.Tensor]:
         """Return new memory, as an array for kernels and as a tensor."""
         kind = torch.from_numpy(np.zeros(0, dtype)).dtype
-        tensor = torch.zeros(shape, dtype=kind, device=self.device)
+        with torch.inference_mode(False):  # such tensors could not be written elsewhere
+            tensor = torch.zeros(shape, dtype=kind, device=self.device)
         return kernel_view(tensor), tensor
 
     def tensor(self, array: NDArray[Any]) -> torch.Tensor:
@@ -70,11 +76,6 @@ class SharedMemory:
             return 0
         handle = torch.cuda.current_stream(self.device).cuda_stream
         return cuda.external_stream(handle) if handle else 0
-
-    def synchronize(self) -> None:
-        """Wait for all that was started on torch's current stream."""
-        if not IS_SIMULATED:
-            torch.cuda.current_stream(self.device).synchronize()
 
     def action(self, action: Any, shape: tuple[int, ...]) -> torch.Tensor:
         """Return an action as a tensor of real numbers on the GPU.
@@ -100,11 +101,9 @@ class SharedMemory:
                 f"action must have shape {shape}, one gas value per cell, got "
                 f"{tuple(tensor.shape)}."
             )
-        if tensor.is_complex():
-            raise ActionError(f"action must hold real numbers, got dtype {tensor.dtype}.")
+        if tensor.dtype not in _REAL or tensor.layout is not torch.strided:
+            raise ActionError(
+                f"action must be a dense tensor of real numbers, got dtype {tensor.dtype}, "
+                f"{tensor.layout}."
+            )
         return tensor.detach()
-
-
-def as_numpy(value: Any) -> Any:
-    """Return a tensor as a numpy array, and anything else as it is."""
-    return value.detach().cpu().numpy() if isinstance(value, torch.Tensor) else value

@@ -1,9 +1,9 @@
 """Gymnasium vector environments on a GPU, for learners that live there.
 
 ``gymnasium.make_vec(id, num_envs, device="cuda")`` makes them. Actions are tensors on the GPU;
-observations, rewards and infos are new tensors there, which other libraries take through DLPack.
-Nothing is copied to the CPU in a step, nor drawn there: episodes that end are followed by others
-from random streams on the GPU.
+observations, rewards and infos are tensors there, which other libraries take through DLPack. In a
+step nothing comes to the CPU but whether all actions are finite: episodes that end are followed by
+others from random streams on the GPU.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
+import gymnasium
 import numpy as np
 import torch
 from gymnasium.error import ResetNeeded
@@ -23,6 +24,7 @@ from ncrs_envs.batched.sampling import RANDOM_REGION
 from ncrs_envs.batched.scenario_table import Indices
 from ncrs_envs.batched.vector_base import EpisodeRules, VectorBase
 from ncrs_envs.batched.vector_options import (
+    check_damages,
     check_mask,
     check_regions,
     check_scenarios,
@@ -34,9 +36,14 @@ from ncrs_envs.body import HULL_DENSITY, sensor_mask, wheel_mask
 from ncrs_envs.cuda.devices import check_device, on_device
 from ncrs_envs.cuda.fleet import FleetMemory
 from ncrs_envs.cuda.kernels import DRAW, KEEP, LEAVE
-from ncrs_envs.cuda.tensors import SharedMemory, as_numpy, check_device_name
+from ncrs_envs.cuda.tensors import SharedMemory, check_device_name
 from ncrs_envs.interface import OptionError, check_options
+from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, RIGID, TaskError, TaskSettings
+
+
+class NoGeneratorError(OptionError, AttributeError):
+    """A generator of random numbers that is asked of environments on a GPU."""
 
 
 class DeviceVectorEnv(VectorBase):
@@ -44,7 +51,8 @@ class DeviceVectorEnv(VectorBase):
 
     Arguments, options, infos and their meaning are those of ``RobotVectorEnv``, without drawing,
     damage and noise. Every info is there in every step; with ``SAME_STEP`` ``final_obs`` and
-    ``final_info`` are, too, and their masks tell which environments they are for.
+    ``final_info`` are, too, and their masks tell which environments they are for. Masks, bodies and
+    what follows from bodies are the same tensors in many infos, and not to be changed.
 
     Args:
         num_envs: Number of environments.
@@ -66,7 +74,8 @@ class DeviceVectorEnv(VectorBase):
         BodyError: A body or the grid size is malformed, or the task cannot use a body.
         TaskError: The distance score is unknown, the success radius is out of range, or the task
             or a setting needs Box2D or Python.
-        UnusableGPUError: The GPU is too old, or taken.
+        UnusableGPUError: The GPU is not there, too old, or taken.
+        FailedGPUError: Its memory was used up, by others too, or it failed.
     """
 
     def __init__(  # noqa: PLR0913 - the public call, as in gymnasium.make_vec
@@ -93,7 +102,6 @@ class DeviceVectorEnv(VectorBase):
                 f"{self.task.name} draws its placements in Python, which no GPU runs: leave "
                 "device out."
             )
-        body = as_numpy(body)
         if grid_size is None:
             grid_size = grid_side(body)
         settings = TaskSettings(
@@ -111,6 +119,9 @@ class DeviceVectorEnv(VectorBase):
         ends = (self._step_limit, self.terminate_on_success, self._resets_at_once)
         with on_device(self._index):
             self._fleet: FleetMemory | None = FleetMemory(settings, self.num_envs, ends, shared)
+            everywhere = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
+        self._everywhere = everywhere
+        self._action: torch.Tensor | None = None
         self._streams = EnvStreams(self.num_envs)
         self._is_started = np.zeros(self.num_envs, dtype=np.bool_)
         n = settings.grid_size
@@ -138,8 +149,8 @@ class DeviceVectorEnv(VectorBase):
 
     @property  # type: ignore[misc]
     def np_random(self) -> NoReturn:  # type: ignore[override]
-        """Not there: the random streams are on the GPU."""
-        raise OptionError("The random streams of these environments are on the GPU.")
+        """Missing here, since the random streams are on the GPU."""
+        raise NoGeneratorError("The random streams of these environments are on the GPU.")
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
@@ -155,38 +166,57 @@ class DeviceVectorEnv(VectorBase):
         """Start episodes; arguments and errors as of ``RobotVectorEnv.reset``, but for damage."""
         self._check_open()
         given = dict(check_options(without_mask(options)))
-        mask = check_mask(as_numpy(options.get("reset_mask")) if options else None, self.num_envs)
+        mask = check_mask(options.get("reset_mask") if options else None, self.num_envs)
         n = self.settings.grid_size
-        body = as_numpy(given.get("body"))
+        body = given.get("body")
         bodies = None if body is None else check_bodies(body, self.task, n, mask)
-        regions = check_regions(given.get("region"), self.num_envs)
-        scenarios = check_scenarios(given.get("scenario"), self.task, n, self.num_envs)
-        pinned = {i: s for i, s in enumerate(scenarios) if s is not None and mask[i]}
-        if given.get("damage") is not None or any(s.is_perturbed for s in pinned.values()):
+        regions = self._regions(given.get("region"))
+        pinned = self._pinned(given.get("scenario"), mask)
+        damages = check_damages(given.get("damage"), n, self.num_envs) if "damage" in given else []
+        if any(damages) or any(s.is_perturbed for s in pinned.values()):
             raise OptionError("Nothing is damaged or disturbed on a GPU: leave device out.")
         envs = np.flatnonzero(mask)
-        seeds = check_seeds(seed, self.num_envs)
-        self._seed(envs, {i: s for i in envs.tolist() if (s := seeds[i]) is not None})
+        self._seed(envs, seed)
         if bodies is not None:
             self._put_bodies(envs, bodies)
         kinds = np.where(mask, DRAW, LEAVE).astype(np.int8)
         kinds[list(pinned)] = KEEP
-        numbers = [RANDOM_REGION if region is None else region for region in regions]
         with on_device(self._index):
             if pinned:
                 rows = scenario_records(list(pinned.values()), n)
                 self._memory.set_scenarios(np.array(list(pinned)), rows)
-            self._memory.start(kinds, np.array(numbers, dtype=np.int64))
+            self._memory.start(kinds, regions)
         self._is_started |= mask
         shown = None if mask.all() else self._shared.tensor(mask)
         return self._observations(), self._infos_of(self._memory.readings, shown)
 
-    def _seed(self, envs: Indices, seeds: dict[int, int]) -> None:
+    def _regions(self, region: Any) -> NDArray[np.int64]:
+        """Return the number of each environment's region, ``RANDOM_REGION`` for any."""
+        numbers = np.full(self.num_envs, RANDOM_REGION, dtype=np.int64)
+        if region is not None:
+            checked = check_regions(region, self.num_envs)
+            numbers[:] = [RANDOM_REGION if number is None else number for number in checked]
+        return numbers
+
+    def _pinned(self, scenario: Any, mask: NDArray[np.bool_]) -> dict[int, Scenario]:
+        """Return the scenarios that are given to environments in ``mask``, by index."""
+        if scenario is None:
+            return {}
+        scenarios = check_scenarios(scenario, self.task, self.settings.grid_size, self.num_envs)
+        return {i: s for i, s in enumerate(scenarios) if s is not None and mask[i]}
+
+    def _seed(self, envs: Indices, seed: Any) -> None:
         """Seed environments, and those that have no seed yet with numbers that nobody knows."""
-        self._streams.seed(seeds)
-        fresh = [i for i in envs.tolist() if i in seeds or not self._is_started[i]]
-        with on_device(self._index):
-            self._memory.set_streams(np.array(fresh, dtype=np.intp), self._streams.take(fresh))
+        is_fresh = ~self._is_started[envs]
+        if seed is not None:
+            seeds = check_seeds(seed, self.num_envs)
+            given = {i: s for i in envs.tolist() if (s := seeds[i]) is not None}
+            self._streams.seed(given)
+            is_fresh |= np.isin(envs, list(given))
+        fresh = envs[is_fresh]
+        if len(fresh):
+            with on_device(self._index):
+                self._memory.set_streams(fresh, self._streams.take(fresh.tolist()))
 
     def step(
         self, actions: Any
@@ -213,14 +243,16 @@ class DeviceVectorEnv(VectorBase):
             first = int(np.argmin(self._is_started))
             raise ResetNeeded(f"Call reset() before step(): environment {first} has no episode.")
         if self.autoreset_mode is AutoresetMode.DISABLED and bool(turn["is_done"].any()):
+            done = turn["is_done"].nonzero().flatten()
             raise ResetNeeded(
-                f"Episodes have ended in {int(turn['is_done'].sum())} environments; reset them "
-                "with options={'reset_mask': ...}."
+                f"Episodes have ended in {len(done)} environments, the first of them "
+                f"{int(done[0])}; reset them with options={{'reset_mask': ...}}."
             )
         n = self.settings.grid_size
-        action = self._shared.action(actions, (self.num_envs, n, n))
         with on_device(self._index):
-            memory.step(action)
+            # Kept until the next step: another library might reuse its memory before it is read.
+            self._action = self._shared.action(actions, (self.num_envs, n, n))
+            memory.step(self._action)
         info: dict[str, Any] = {}
         if self._resets_at_once:
             ended = turn["terminated"] | turn["truncated"]
@@ -240,7 +272,7 @@ class DeviceVectorEnv(VectorBase):
         self, readings: dict[str, torch.Tensor], mask: torch.Tensor | None
     ) -> dict[str, Any]:
         """Return the infos of the environments in ``mask``, of all for None; 0 for the others."""
-        infos = {**self._body_infos, "pose": readings["poses"], "success": readings["success"]}
+        infos = {"pose": readings["poses"], "success": readings["success"]}
         to_goal, to_target = readings["distances"].unbind(dim=1)
         if self.task.has_ball:
             infos |= {"distance_to_ball": to_goal, "ball_to_target": to_target}
@@ -248,19 +280,25 @@ class DeviceVectorEnv(VectorBase):
             infos["distance"] = to_goal
         if self.task.has_walls:
             infos["crossed"] = readings["crossed"]
-        whole = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
-        shown = whole if mask is None else mask
-        made: dict[str, Any] = {}
-        for name, value in infos.items():
-            chosen = value.clone()
-            if mask is not None:
-                chosen[~mask] = 0
-            made |= {name: chosen, f"_{name}": shown}
-        return made
+        made: dict[str, Any]
+        if mask is None:
+            made = {name: value.clone() for name, value in infos.items()} | self._body_infos
+        else:
+            made = {
+                name: value.masked_fill(~mask.reshape(-1, *[1] * (value.ndim - 1)), 0)
+                for name, value in (self._body_infos | infos).items()
+            }
+        shown = self._everywhere if mask is None else mask
+        return made | {f"_{name}": shown for name in made}
+
+    def render(self) -> None:
+        """Return None, with a warning: nothing is drawn on a GPU."""
+        gymnasium.logger.warn("Environments on a GPU draw nothing; make them without device.")
 
     def __getstate__(self) -> NoReturn:
         raise TypeError("Environments on a GPU can be neither pickled nor copied; make others.")
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release the memory on the GPU."""
-        self._fleet = None
+        with on_device(self._index):
+            self._fleet = self._action = None

@@ -21,6 +21,7 @@ from ncrs_envs.wrappers.signals import (
     CONTRAST,
     PROGRESS,
     SensorContrast,
+    ViewError,
     require_vectors,
     sides,
 )
@@ -49,10 +50,21 @@ def whole_bodies_of(envs: _Envs) -> NDArray[np.int8]:
     return np.asarray(base.whole_bodies if has_all else base.get_attr("whole_body"))
 
 
+def check_on_cpu(envs: _Envs) -> None:
+    """Raise ``ViewError`` for environments on a GPU."""
+    device = str(getattr(envs.unwrapped, "device", "cpu"))
+    if device.startswith("cuda"):
+        raise ViewError(
+            f"This wrapper computes with numpy, and these environments are on {device}: make them "
+            "without device, or compute with their tensors."
+        )
+
+
 class _View(_Wrapper):
     """A wrapper that knows which environments have just begun a new episode."""
 
     def __init__(self, envs: _Envs) -> None:
+        check_on_cpu(envs)
         super().__init__(envs)
         self._was_done = np.zeros(self.num_envs, dtype=np.bool_)
 

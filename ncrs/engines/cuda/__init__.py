@@ -4,8 +4,10 @@
 - ``part``: growth and rollout of part of a population on one GPU.
 - ``growth``, ``rollout``, ``contacts``: the kernels.
 - ``layout``: their arguments, and where numbers lie in shared memory.
-- ``gpu``, ``register_tiles``, ``simulated_tiles``: all that is numba-cuda's own, and its twins for
-  numba-cuda's simulator.
+- ``tiles``, ``register_tiles``, ``simulated_tiles``: small matrices in a thread's registers, and
+  their twins for numba-cuda's simulator.
+
+What is numba-cuda's own beside them is in ``ncrs_envs.cuda.gpu``.
 
 Source: paper sections 3 to 5, as the engine ``batched``.
 """

@@ -59,7 +59,8 @@ class Optimizer(ABC):
     def ask_in_place(self) -> AnyGenomes:
         """Propose the next population where the search is: on a GPU with ``device=cuda``.
 
-        Raises as ``ask`` does.
+        Raises:
+            OptimizerError: If the fitness of the last population was not told.
         """
         if self._asked is not None:
             raise OptimizerError(

@@ -2,7 +2,7 @@
 
 Run as a script, it records them in the simulator, which needs no GPU:
 ``NUMBA_ENABLE_CUDASIM=1 python rehearsal.py FILE TASK MODE`` writes what every step returns;
-``rehearsal.py FILE refusals ""`` the errors.
+``rehearsal.py FILE refusals ""`` the errors, and ``variations ""`` other arguments and options.
 """
 
 import copy
@@ -45,49 +45,98 @@ def scenario(task):
         case = closer
 
 
-def record(task, mode, device):
-    """Return what environments return, by name and step."""
-    found = get_task(task)
-    envs = gymnasium.make_vec(
-        found.env_id, num_envs=COUNT, device=device, max_episode_steps=LIMIT, autoreset_mode=mode
-    )
-    taken, made = {}, np.random.default_rng(0)
+class Record:
+    """What environments return, by name."""
 
-    def take(name, value):
+    def __init__(self):
+        self.taken = {}
+
+    def take(self, name, value):
         if isinstance(value, dict):
             for key, item in value.items():
-                take(f"{name}.{key}", item)
+                self.take(f"{name}.{key}", item)
+        elif isinstance(value, tuple):
+            for index, item in enumerate(value):
+                self.take(f"{name}.{index}", item)
         elif isinstance(value, np.ndarray) and value.dtype == object:  # of ended episodes only
             blank = np.zeros_like(next(item for item in value if item is not None))
-            take(name, np.stack([blank if item is None else item for item in value]))
+            self.take(name, np.stack([blank if item is None else item for item in value]))
         else:
-            taken[name] = np.asarray(value)
+            self.taken[name] = np.asarray(value)
 
+
+def record(task, mode, device):
+    """Return what environments return, by name and step."""
+    notes, made = Record(), np.random.default_rng(0)
+    envs = gymnasium.make_vec(
+        get_task(task).env_id,
+        num_envs=COUNT,
+        device=device,
+        max_episode_steps=LIMIT,
+        autoreset_mode=mode,
+    )
     bodies = envs.bodies
     bodies[:3] = ncrs_envs.parse_body(body(task))
-    regions = [0, 1, 2, 3, None]
-    for name, value in zip(
-        ("observation", "info"),
-        envs.reset(seed=11, options={"body": bodies, "region": regions}),
-        strict=True,
-    ):
-        take(f"reset.{name}", value)
-    mask = np.arange(COUNT) < 2
-    options = {"reset_mask": mask, "scenario": scenario(task)}
-    for name, value in zip(("observation", "info"), envs.reset(options=options), strict=True):
-        take(f"pinned.{name}", value)
+    options = {"body": bodies, "region": [0, 1, 2, 3, None]}
+    notes.take("reset", envs.reset(seed=11, options=options))
+    options = {"reset_mask": np.arange(COUNT) < 2, "scenario": scenario(task)}
+    notes.take("pinned", envs.reset(options=options))
     shape = envs.action_space.shape
     for step in range(STEPS):
-        actions = made.uniform(-0.5, 1.5, shape).astype(np.float32)
-        returned = envs.step(torch.from_numpy(actions) if device != "cpu" else actions)
-        names = ("observation", "reward", "terminated", "truncated", "info")
-        for name, value in zip(names, returned, strict=True):
-            take(f"{step}.{name}", value)
+        actions = torch.from_numpy(made.uniform(-0.5, 1.5, shape).astype(np.float32))
+        returned = envs.step(actions)
+        notes.take(f"{step}", returned)
         done = np.asarray(returned[2]) | np.asarray(returned[3])
         if mode == "Disabled" and done.any():
-            take(f"{step}.restart", envs.reset(options={"reset_mask": done})[0])
+            notes.take(f"{step}.restart", envs.reset(options={"reset_mask": done}))
     envs.close()
-    return taken
+    return notes.taken
+
+
+def walls(count):
+    """Return a wall's edge with that many vertices, and one with two."""
+    heights = np.linspace(-60.0, 0.0, count).tolist()
+    return tuple((-20.0, y) for y in heights), ((40.0, -60.0), (12.0, 0.0))
+
+
+def variations(device):
+    """Return what environments of other kinds, with other arguments and options, return."""
+    notes = Record()
+    # Few cells, an end by success, and no other.
+    envs = gymnasium.make_vec(
+        "NCRS-LightChase-v0",
+        num_envs=3,
+        device=device,
+        body=torch.tensor(ncrs_envs.parse_body("LWL/W#W/.W.")),
+        max_episode_steps=-1,
+        distance_score="inverse_square",
+        success_radius=30.0,
+        terminate_on_success=True,
+    )
+    notes.take("small", envs.reset(seed=torch.tensor([4, 5, 6])))
+    near = ncrs_envs.Scenario((0.0, 0.0), light=(0.0, 29.0))
+    notes.take("near", envs.reset(options={"scenario": [None, near, None]}))
+    plain = torch.ones(3, 3, 3)
+    for step, actions in enumerate(
+        (plain.double() * 1e300, plain.int(), plain.mT, plain.clone().requires_grad_())
+    ):
+        notes.take(f"small {step}", envs.step(actions))
+    mask = torch.tensor([True, False, True])
+    notes.take("again", envs.reset(options={"reset_mask": mask, "region": torch.tensor([1, 2, 3])}))
+    # More walls than any drawn scenario has, then those of the stream again.
+    envs = gymnasium.make_vec("NCRS-Obstacle-v0", num_envs=2, device=device, grid_size=7)
+    notes.take("many walls", envs.reset(seed=1))
+    crowded = ncrs_envs.Scenario((0.0, -40.0), light=(0.0, 50.0), walls=walls(40))
+    options = {"scenario": crowded, "reset_mask": np.array([False, True])}
+    notes.take("many walls given", envs.reset(options=options))
+    notes.take("many walls step", envs.step(torch.ones(2, 7, 7)))
+    notes.take("many walls drawn", envs.reset())
+    # A task of one's own.
+    ncrs_envs.register_task(replace(get_task("obstacle"), name="mine", env_id="Mine-v0"))
+    envs = gymnasium.make_vec("Mine-v0", num_envs=2, device=device)
+    notes.take("own", envs.reset(seed=2))
+    notes.take("own step", envs.step(torch.ones(2, 5, 5)))
+    return notes.taken
 
 
 def refusals():
@@ -116,11 +165,16 @@ def refusals():
     note("shape", lambda: envs.step(still.reshape(COUNT, 25)))
     note("complex", lambda: envs.step(still.to(torch.complex64)))
     note("not finite", lambda: envs.step(undefined))
+    note("sparse", lambda: envs.step(still.to_sparse()))
     envs.step(still)
     note("ended", lambda: envs.step(still))
     damage = ncrs_envs.Damage(3, ((0, 0),))
     note("damage", lambda: envs.reset(options={"damage": damage}))
     note("too many", lambda: gymnasium.make_vec("NCRS-Obstacle-v0", 10**6, device="cuda"))
+    note("threads", lambda: gymnasium.make_vec("NCRS-Obstacle-v0", 2, device="cuda", threads=1))
+    placed = replace(get_task("obstacle"), name="placed", env_id="Placed-v0", place=print)
+    ncrs_envs.register_task(placed)
+    note("placed", lambda: gymnasium.make_vec("Placed-v0", num_envs=2, device="cuda"))
     note("copied", lambda: copy.deepcopy(envs))
     note("stream", lambda: envs.unwrapped.np_random)
     envs.close()
@@ -130,4 +184,10 @@ def refusals():
 
 if __name__ == "__main__":
     path, what, mode = sys.argv[1:]
-    np.savez(path, **(refusals() if what == "refusals" else record(what, mode, "cuda")))
+    if what == "refusals":
+        taken = refusals()
+    elif what == "variations":
+        taken = variations("cuda")
+    else:
+        taken = record(what, mode, "cuda")
+    np.savez(path, **taken)
