@@ -228,6 +228,7 @@ def _generation(optimizer: Any, archive: Archive, engine: Any, index: int) -> li
         seeds=np.zeros((1, 4), dtype=np.int64),
     )
     optimizer.tell(result.fitness, added)
+    cuda.synchronize()
     times.append(time.perf_counter())
     return np.diff(times).tolist()
 

@@ -1,6 +1,8 @@
 import numpy as np
+import pytest
 import torch
 
+from ncrs.automaton.channels import nca_layout
 from ncrs.automaton.device_genomes import DeviceGenomes
 
 
@@ -30,3 +32,18 @@ def test_changing_a_copy_changes_nothing():
     np.asarray(genomes)[:] = -1.0
     genomes[0][:] = -1.0
     assert np.asarray(genomes).tolist() == np.arange(12.0).reshape(3, 4).tolist()
+
+
+def test_the_nearest_symmetric_genomes_are_those_of_numpy():
+    layout = nca_layout("light_chase")
+    rows = np.random.default_rng(0).standard_normal((3, layout.num_parameters))
+    genomes = DeviceGenomes(torch.from_numpy(rows.copy()))
+    there = layout.symmetric(genomes)
+    assert isinstance(there, DeviceGenomes)
+    np.testing.assert_array_equal(np.asarray(there), layout.symmetric(rows))
+    np.testing.assert_array_equal(np.asarray(genomes), rows)
+
+
+def test_no_array_is_made_without_a_copy():
+    with pytest.raises(ValueError, match="without a copy"):
+        np.asarray(make(), copy=False)

@@ -155,3 +155,12 @@ def test_a_population_in_place_is_the_one_that_is_copied():
         kept.tell(fitness)
         assert genomes.copied <= 1  # the best so far
         np.testing.assert_array_equal(np.asarray(genomes), expected)
+
+
+def test_a_search_resumes_while_a_population_is_in_place():
+    first = OnDevice(DIMENSION, np.random.SeedSequence(8), _settings())
+    first.tell(_ellipsoid(first.ask()))
+    pending = first.ask_in_place()
+    second = OnDevice(DIMENSION, np.random.SeedSequence(9), _settings())
+    second.load_state(first.state())
+    np.testing.assert_array_equal(second.ask(), np.asarray(pending))
