@@ -58,7 +58,7 @@ class CMAES(Optimizer):
         precision, device = self._matrices.precision, self.settings.device
         return CholeskySampler(self.dimension, self._randn, precision, device)
 
-    def _make(self, start: NDArray[np.float64], sampler: Any) -> Any:
+    def _make_pycma(self, start: NDArray[np.float64], sampler: Any) -> Any:
         settings = self.settings
         # pycma recombines half of its popsize; ``_ask`` requests the real population.
         popsize = settings.population if settings.parents is None else 2 * settings.parents + 1
@@ -83,6 +83,11 @@ class CMAES(Optimizer):
             es = cma.CMAEvolutionStrategy(start, settings.sigma, options)
         if sampler is not None:
             _set_up_as_pycma_does(es, sampler)
+        return es
+
+    def _make(self, start: NDArray[np.float64], sampler: Any) -> Any:
+        """Make the strategy: pycma's, or one that takes its constants from it."""
+        settings, es = self.settings, self._make_pycma(start, sampler)
         if settings.device == "cpu":
             return es
         from ncrs.evolution.optimizers.device_strategy import DiagonalStrategy, FullStrategy
@@ -129,11 +134,14 @@ class CMAES(Optimizer):
 
     def _tell(self, asked: AnyGenomes, fitness: Fitness, added: Any = None) -> None:
         sigma = self.sigma
-        with warnings.catch_warnings():
-            # Telling another number than pycma's popsize is deliberate, see ``parents``.
-            warnings.filterwarnings("ignore", message="The number of solutions passed to `tell`")
-            told = asked if isinstance(asked, DeviceGenomes) else list(asked)
-            self._es.tell(told, (-fitness).tolist())
+        if isinstance(self._es, cma.CMAEvolutionStrategy):
+            with warnings.catch_warnings():
+                # Telling another number than pycma's popsize is deliberate, see ``parents``.
+                message = "The number of solutions passed to `tell`"
+                warnings.filterwarnings("ignore", message=message)
+                self._es.tell(list(asked), (-fitness).tolist())
+        else:
+            self._es.tell(-fitness)
         schedule, restart_sigma = self.settings.schedule, self.settings.restart_sigma
         if schedule is not None:
             self._es.sigma = max(schedule.minimum, sigma * schedule.decay)

@@ -9,35 +9,17 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from ncrs.automaton.device_genomes import DeviceGenomes
 from ncrs.evolution.optimizers.cholesky_sampler import CholeskySampler, check_device
-from ncrs.evolution.optimizers.pycma import Mh
+from ncrs.evolution.optimizers.constants import Constants, Path, Vector
+from ncrs.evolution.optimizers.step_size import PathLength
 from ncrs.evolution.schema import check_like, check_names
-
-Vector = NDArray[np.float64]
-
-
-class Path(NamedTuple):
-    """Coefficients of the path pc, and the learning rate of its product."""
-
-    kept: float
-    added: float
-    c1: float
-    h: float
-    """0 where the path of sigma is long, else 1."""
-    cc: float
-
-    @property
-    def rate(self) -> float:
-        """The learning rate, with the loss of variance where ``h`` is 0."""
-        return self.c1 * (1.0 - (1.0 - self.h) * self.cc * (2.0 - self.cc))
 
 
 class DeviceStrategy(ABC):
@@ -53,7 +35,8 @@ class DeviceStrategy(ABC):
     dtype: torch.dtype
 
     def __init__(self, template: Any, device: torch.device, start: Vector, seed: int) -> None:
-        self._template = template
+        self.constants = Constants.read(template)
+        self._step_size = PathLength(template)
         self._device = device
         self.N = len(start)
         self.sigma = float(template.sigma)
@@ -88,10 +71,6 @@ class DeviceStrategy(ABC):
         """Return the mean's step over sigma, given that of the parents' white vectors."""
 
     @abstractmethod
-    def _rates(self) -> tuple[float, float, float]:
-        """Return the learning rates cc, c1 and cmu."""
-
-    @abstractmethod
     def _adapt(self, shift: torch.Tensor, path: Path, z: torch.Tensor, weights: Vector) -> None:
         """Learn the covariance.
 
@@ -110,50 +89,28 @@ class DeviceStrategy(ABC):
         steps = self._steps(self._z)
         return DeviceGenomes(self._mean + self.sigma * steps.double())
 
-    def tell(self, genomes: Any, values: Sequence[float]) -> None:
-        """Learn from the values of the population that was asked for, smaller is better.
-
-        The genomes are not read: what they were made of is at hand.
-        """
+    def tell(self, values: Vector) -> None:
+        """Learn from the values of the population that was asked for, smaller is better."""
         assert self._z is not None
-        constants = self._template.sp
-        order = torch.from_numpy(np.argsort(np.asarray(values))).to(self._device)
+        constants = self.constants
+        order = torch.from_numpy(np.argsort(values)).to(self._device)
         z = self._z[order]
         self._z = None
         self._count += 1
-        weights = np.asarray(constants.weights(len(values)), dtype=np.float64)
-        parents = constants.weights.mu
+        weights, parents = constants.weights(len(values)), constants.parents
         positive = self._vector(weights[:parents])
-        effective = float(constants.weights.mueff)
         # Equations 41 and 42: recombination.
         white_shift = positive @ z[:parents].double()
         shift = self._shift(positive, white_shift)
         self._mean = self._mean + self.sigma * shift
         # Equation 43: the path of sigma, in which C^-1/2 y = z.
-        cs = float(self._template.adapt_sigma.cs)
-        gain = math.sqrt(cs * (2.0 - cs) * effective)
-        self._ps = (1.0 - cs) * self._ps + gain * white_shift
+        gain = constants.gain * math.sqrt(constants.effective)
+        self._ps = (1.0 - constants.cs) * self._ps + gain * white_shift
         squared = float(self._ps.square().sum())
-        is_short = squared / (1.0 - (1.0 - cs) ** (2 * self._count)) / self.N - 1.0
-        h = 1.0 if is_short < 1.0 + 4.0 / (self.N + 1) else 0.0
         # Equations 45 to 47: the path of C, and C itself.
-        cc, c1, cmu = self._rates()
-        kept = Path(1.0 - cc, h * math.sqrt(cc * (2.0 - cc) * effective), c1, h, cc)
-        self._adapt(shift, kept, z, cmu * weights)
-        self.sigma *= self._sigma_factor(math.sqrt(squared))
-
-    def _sigma_factor(self, length: float) -> float:
-        """Return the change of sigma for a path of this length, equation 44."""
-        adaptation, options = self._template.adapt_sigma, self._template.opts
-        if options["CSA_squared"]:
-            excess = (length**2 / self.N - 1.0) / 2.0
-        else:
-            excess = length / float(Mh.chiN(self.N)) - 1.0
-        change = excess * adaptation.cs / adaptation.damps / options["CSA_dampfac"]
-        if change < 0:
-            change /= adaptation.dampdown_fac
-        limit = adaptation.max_delta_log_sigma
-        return math.exp(min(max(change, -limit), limit))
+        path = constants.path(squared, self._count)
+        self._adapt(shift, path, z, constants.cmu * weights)
+        self.sigma *= self._step_size.factor_of(math.sqrt(squared))
 
     # State.
 
@@ -225,13 +182,6 @@ class FullStrategy(DeviceStrategy):
     def _shift(self, weights: torch.Tensor, white_shift: torch.Tensor) -> torch.Tensor:
         return self.sm.times_factor(white_shift.to(self.dtype)[None])[0].double()
 
-    def _rates(self) -> tuple[float, float, float]:
-        constants = self._template.sp
-        rates = self._template.sm.parameters(
-            mueff=constants.weights.mueff, lam=constants.weights.lambda_
-        )
-        return float(constants.cc), float(rates["c1"]), float(rates["cmu"])
-
     def _adapt(self, shift: torch.Tensor, path: Path, z: torch.Tensor, weights: Vector) -> None:
         self._pc = path.kept * self._pc + path.added * shift
         scaled = math.sqrt(path.c1 / (path.rate + 1e-23)) * self._pc
@@ -271,14 +221,6 @@ class DiagonalStrategy(DeviceStrategy):
 
     def _shift(self, weights: torch.Tensor, white_shift: torch.Tensor) -> torch.Tensor:
         return self._scales * white_shift
-
-    def _rates(self) -> tuple[float, float, float]:
-        constants, learns = self._template.sp, self._template.opts["CMA_on"]
-        return (
-            float(constants.cc_sep),
-            float(learns * constants.c1_sep),
-            float(learns * constants.cmu_sep),
-        )
 
     def _adapt(self, shift: torch.Tensor, path: Path, z: torch.Tensor, weights: Vector) -> None:
         self._pc = path.kept * self._pc + path.added * shift / self._scales

@@ -19,6 +19,7 @@ from ncrs.evolution.optimizers.settings import (
     SepCMAESSettings,
 )
 from ncrs.evolution.schema import StoredStateError
+from tests.evolution.optimizers.pycma_search import PycmaSearch
 
 DIMENSION = 30
 
@@ -27,7 +28,7 @@ class OnDevice(CMAES):
     """CMA-ES on a torch device, here the CPU."""
 
     def _make(self, start, sampler):
-        template = super()._make(start, sampler)
+        template = self._make_pycma(start, sampler)
         seed = int(self._generator.integers(2**63))
         if sampler is None:
             return DiagonalStrategy(template, "cpu", start, seed)
@@ -59,7 +60,7 @@ def _ellipsoid(genomes):
 )
 def test_it_makes_the_steps_that_pycma_makes(kind, changes, monkeypatch):
     seed = np.random.SeedSequence(1)
-    reference = CMAES(DIMENSION, seed, _settings(kind, **changes))
+    reference = PycmaSearch(DIMENSION, seed, _settings(kind, **changes))
     ours = OnDevice(DIMENSION, seed, _settings(kind, **changes))
     normal = np.random.default_rng(2)
     drawn = []
@@ -118,7 +119,7 @@ def test_a_state_continues_bit_for_bit_also_while_a_population_is_pending(kind):
 def test_an_incomplete_state_is_refused():
     sampler = CholeskySampler(DIMENSION, None)
     search = OnDevice(DIMENSION, np.random.SeedSequence(5), _settings())
-    template = search._es._template
+    template = search._make_pycma(np.zeros(DIMENSION), sampler)
     state = search._es.state()
     del state["pc"]
     fresh = FullStrategy(template, sampler, np.zeros(DIMENSION), 0)
