@@ -1,4 +1,7 @@
-"""CMA-ES by pycma: full, diagonal or no covariance. Source: paper section 5; Hansen 2016."""
+"""CMA-ES with a full, a diagonal or no covariance. Source: paper section 5; Hansen 2016.
+
+pycma searches with a full one, and sets the constants of all.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from ncrs.automaton.device_genomes import AnyGenomes, DeviceGenomes
 from ncrs.evolution.optimizers.base import Fitness, Optimizer, State
 from ncrs.evolution.optimizers.pycma import CMAAdaptSigmaCSA, CMAAdaptSigmaTPA, cma
 from ncrs.evolution.optimizers.pycma_state import capture, restore
+from ncrs.evolution.optimizers.separable_strategy import SeparableStrategy
 from ncrs.evolution.optimizers.settings import MatrixSettings, OptimizerError, SearchSettings
 from ncrs.evolution.schema import check_like
 
@@ -89,7 +93,10 @@ class CMAES(Optimizer):
         """Make the strategy: pycma's, or one that takes its constants from it."""
         settings, es = self.settings, self._make_pycma(start, sampler)
         if settings.device == "cpu":
-            return es
+            # pycma alone adds mirror images to a popsize below 6.
+            if settings.covariance == "full" or es.sp.lam_mirr:
+                return es
+            return SeparableStrategy(es, start, self._generator)
         from ncrs.evolution.optimizers.device_strategy import DiagonalStrategy, FullStrategy
 
         seed = int(self._generator.integers(2**63))

@@ -41,7 +41,7 @@ def advance(optimizer, archive, generations):
         optimizer.tell(fitness, added)
 
 
-QUICK = ("sep_cma_es", "cma_es", "cma_mae", "map_elites")
+QUICK = ("sep_cma_es", "sep_cma_es tpa", "iso_cma_es", "cma_es", "cma_mae", "map_elites")
 
 
 @pytest.fixture(
