@@ -17,7 +17,7 @@ class OnDevice(CMAES):
     """CMA-ES on a torch device, here the CPU."""
 
     def _make(self, start, sampler):
-        template = super()._make(start, sampler)
+        template = self._make_pycma(start, sampler)
         return DiagonalStrategy(template, "cpu", start, 0)
 
 

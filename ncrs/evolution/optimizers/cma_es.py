@@ -146,7 +146,7 @@ class CMAES(Optimizer):
                 # Telling another number than pycma's popsize is deliberate, see ``parents``.
                 message = "The number of solutions passed to `tell`"
                 warnings.filterwarnings("ignore", message=message)
-                self._es.tell(list(asked), (-fitness).tolist())
+                self._es.tell(list(np.asarray(asked)), (-fitness).tolist())
         else:
             self._es.tell(-fitness)
         schedule, restart_sigma = self.settings.schedule, self.settings.restart_sigma
