@@ -90,6 +90,10 @@ class FullBodies:
         """Evaluate as many of the given genomes as were received."""
         return self._engine.evaluate(self._genomes[: len(genomes)], *arguments)
 
+    def metrics(self) -> dict[str, float]:
+        """Return the engine's own curves."""
+        return self._engine.metrics()
+
     def __enter__(self) -> FullBodies:
         self._engine.__enter__()
         return self

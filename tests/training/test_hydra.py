@@ -127,6 +127,13 @@ def test_recipes_under_damage(composed, name, space, repair_steps):
     assert 20 <= sum(scenario.damage is not None for scenario in drawn) <= 40
 
 
+@pytest.mark.parametrize("task", [task.name for task in PAPER_TASKS])
+def test_a_large_population_on_a_gpu(composed, task):
+    config = composed("experiment=gpu/map_elites", f"task={task}")
+    assert (config.task.name, config.engine.name) == (task, "cuda")
+    assert (config.optimizer.name, config.optimizer.population) == ("map_elites", 1024)
+
+
 def test_the_command_line_wins_over_an_experiment(composed):
     config = composed("experiment=paper/obstacle_cma_es", "seed=4", "optimizer.parents=14")
     assert config.seed == 4
@@ -145,8 +152,8 @@ def test_the_command_line_wins_over_an_experiment(composed):
         (["+extra=1"], "Unknown setting 'extra'"),
         (["optimizer=adam"], "Unknown optimizer 'adam'; choose one of .*sep_cma_es"),
         (["optimizer.name=cma_me"], "name must be 'sep_cma_es'.*optimizer=NAME"),
-        (["experiment=best/foo"], "Unknown experiment 'best/foo'.*best/obstacle, paper/carry"),
-        (["experiment=foo"], "Unknown experiment 'foo'.*best/obstacle, paper/carry"),
+        (["experiment=best/foo"], "Unknown experiment 'best/foo'.*best/obstacle, gpu/map_elites, paper/carry"),
+        (["experiment=foo"], "Unknown experiment 'foo'.*best/obstacle, gpu/map_elites, paper/carry"),
         (["seed=1.5"], "seed is invalid: Value '1.5' of type 'float'"),
         (["optimizer.sigma=big"], "optimizer.sigma is invalid: Value 'big'"),
         (["optimizer.sigma=0"], "sigma must be positive"),
