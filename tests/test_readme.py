@@ -43,7 +43,6 @@ EXPECTED = {
         "info['success']": True,
         "states.shape": [10, 5, 5, 12],
         "observations.shape": [4096, 3, 3],
-        "seen.shape": [4096, 5, 5],
         "result.fitness.shape": [8],
         "result.success.shape": [8, 12],
         "genomes.shape": [8, 4572],
