@@ -152,8 +152,14 @@ def test_the_command_line_wins_over_an_experiment(composed):
         (["+extra=1"], "Unknown setting 'extra'"),
         (["optimizer=adam"], "Unknown optimizer 'adam'; choose one of .*sep_cma_es"),
         (["optimizer.name=cma_me"], "name must be 'sep_cma_es'.*optimizer=NAME"),
-        (["experiment=best/foo"], "Unknown experiment 'best/foo'.*best/obstacle, gpu/map_elites, paper/carry"),
-        (["experiment=foo"], "Unknown experiment 'foo'.*best/obstacle, gpu/map_elites, paper/carry"),
+        (
+            ["experiment=best/foo"],
+            "Unknown experiment 'best/foo'.*best/obstacle, gpu/map",
+        ),
+        (
+            ["experiment=foo"],
+            "Unknown experiment 'foo'.*best/obstacle, gpu/map",
+        ),
         (["seed=1.5"], "seed is invalid: Value '1.5' of type 'float'"),
         (["optimizer.sigma=big"], "optimizer.sigma is invalid: Value 'big'"),
         (["optimizer.sigma=0"], "sigma must be positive"),

@@ -9,6 +9,7 @@ time.
 from __future__ import annotations
 
 from numba import cuda, float64, int32
+from numpy.typing import NDArray
 
 from ncrs.engines.cuda.layout import Buffers, Courses, Group, Move
 from ncrs.engines.cuda.tiles import sync_warp
@@ -23,7 +24,7 @@ from ncrs_envs.batched.impact import (
     time_at_light,
     time_at_quad,
 )
-from ncrs_envs.batched.layout import State, World
+from ncrs_envs.batched.layout import Contact, Point, State, World
 from ncrs_envs.batched.manifolds import (
     cell_frame,
     circle_of,
@@ -36,8 +37,31 @@ from ncrs_envs.batched.manifolds import (
     touch_circle,
     touch_quad,
 )
-from ncrs_envs.cuda.gpu import CONTACT, POINT, WARP, device_function
+from ncrs_envs.cuda.gpu import CONTACT, POINT, WARP, device_function, inlined_on_gpu
 from ncrs_envs.physics import DT
+
+
+@inlined_on_gpu
+def drive_world(
+    courses: Courses,
+    group: Group,
+    episode: int,
+    contacts: NDArray[Contact],
+    corners: NDArray[Point],
+) -> World:
+    """Return the world of an episode of a group, with room for contacts and a quad's corners."""
+    scenarios = courses.scenarios
+    return World(
+        courses.settings[0],
+        courses.robots.robots[group.genome],
+        courses.robots.wheels[group.genome],
+        courses.robots.sensors[group.genome],
+        courses.robots.exposed[group.genome],
+        scenarios.scenarios[group.scenario_row, episode],
+        scenarios.quads[group.scenario_row, episode],
+        contacts,
+        corners,
+    )
 
 
 @device_function
@@ -149,34 +173,13 @@ def _find_all(courses: Courses, buffers: Buffers, group: Group) -> None:
     marks = cuda.shared.array(0, int32)
     found = cuda.local.array(2, CONTACT)
     corners = cuda.local.array(4, POINT)
-    robots, scenarios = courses.robots, courses.scenarios
-    index, row, scenario_row, first, number, scratch = group
+    row, first, number, scratch = group.row, group.first, group.number, group.scratch
     for other in range(number):
         if marks[scratch + other] == 0:
             continue
         episode = first + other
-        world = World(
-            courses.settings[0],
-            robots.robots[index],
-            robots.wheels[index],
-            robots.sensors[index],
-            robots.exposed[index],
-            scenarios.scenarios[scenario_row, episode],
-            scenarios.quads[scenario_row, episode],
-            buffers.contacts[row, episode],
-            corners,
-        )
-        own = World(
-            courses.settings[0],
-            robots.robots[index],
-            robots.wheels[index],
-            robots.sensors[index],
-            robots.exposed[index],
-            scenarios.scenarios[scenario_row, episode],
-            scenarios.quads[scenario_row, episode],
-            found,
-            corners,
-        )
+        world = drive_world(courses, group, episode, buffers.contacts[row, episode], corners)
+        own = drive_world(courses, group, episode, found, corners)
         state, move = buffers.states[row, episode], buffers.moves[row, episode]
         _find_together(world, own, state, move, scratch)
 
@@ -187,24 +190,13 @@ def _time_all(courses: Courses, buffers: Buffers, group: Group, ignore_touching:
     marks = cuda.shared.array(0, int32)
     found = cuda.local.array(2, CONTACT)
     corners = cuda.local.array(4, POINT)
-    robots, scenarios = courses.robots, courses.scenarios
-    index, row, scenario_row, first, number, scratch = group
+    row, first, number, scratch = group.row, group.first, group.number, group.scratch
     mine = 1.0
     for other in range(number):
         if marks[scratch + other] == 0:
             continue
         episode = first + other
-        own = World(
-            courses.settings[0],
-            robots.robots[index],
-            robots.wheels[index],
-            robots.sensors[index],
-            robots.exposed[index],
-            scenarios.scenarios[scenario_row, episode],
-            scenarios.quads[scenario_row, episode],
-            found,
-            corners,
-        )
+        own = drive_world(courses, group, episode, found, corners)
         state, move = buffers.states[row, episode], buffers.moves[row, episode]
         time = _time_together(own, state, move, ignore_touching, scratch)
         if cuda.threadIdx.x % WARP == other:

@@ -22,7 +22,7 @@ from ncrs.automaton.channels import (
     STATE_LIMIT,
     STEPS_PER_ACTION,
 )
-from ncrs.engines.cuda.contacts import move_together
+from ncrs.engines.cuda.contacts import drive_world, move_together
 from ncrs.engines.cuda.growth import load_hidden_layers
 from ncrs.engines.cuda.layout import (
     CONSTANT,
@@ -266,20 +266,10 @@ def roll_out(genomes: Genomes, courses: Courses, buffers: Buffers) -> None:
     observation = shared[slot : slot + n * n]
     action = shared[slot + places.signal : slot + places.signal + n * n]
     scenario_row = index % courses.scenarios.scenarios.shape[0]
-    world = World(
-        courses.settings[0],
-        courses.robots.robots[index],
-        courses.robots.wheels[index],
-        courses.robots.sensors[index],
-        courses.robots.exposed[index],
-        courses.scenarios.scenarios[scenario_row, episode],
-        courses.scenarios.quads[scenario_row, episode],
-        buffers.contacts[row, episode],
-        corners,
-    )
     state = buffers.states[row, episode]
     scratch = places.scratch + warp * SCRATCH
     group = Group(index, row, scenario_row, first_of_block + first_of_warp, number, scratch)
+    world = drive_world(courses, group, episode, buffers.contacts[row, episode], corners)
     own_states = own // PAIR * places.cell_count * STATE + own % PAIR * CONTROL_LANES
     current, updated = places.states, places.updated
     total = 0.0
