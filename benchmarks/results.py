@@ -127,7 +127,7 @@ def _folder(start: str) -> Path:
 def archive_of(run: Path) -> dict[str, Any]:
     """Compute an archive's statistics as training left it, and with all elites re-estimated."""
     elites = load_archive(run)
-    fresh = reestimated(elites, AUTO_ENGINE, 0, EPISODES)
+    fresh, _ = reestimated(elites, AUTO_ENGINE, 0, EPISODES)
     return {
         name: {key: one.archive.statistics()[key] for key in _ARCHIVE_KEYS}
         for name, one in (("trained", elites), ("reestimated", fresh))

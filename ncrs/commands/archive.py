@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from ncrs.commands import add_output_argument, add_seed_argument, output_folder,
 from ncrs.engines.base import AUTO_ENGINE, ENGINES, make_engine, resolve_engine
 from ncrs.engines.evaluate import EPISODES
 from ncrs.evolution.archive import PAPER_TRIPLES, STANDING_STILL_MARGIN, SUCCESS_FRACTION
-from ncrs.evolution.reestimation import reestimate
+from ncrs.evolution.reestimation import Reestimation, reestimate
 from ncrs.runs.elites import EliteArchive, load_archive
 from ncrs.runs.exports import MEASURES, ExportError, write_csv, write_pyribs
 from ncrs.runs.seeds import Stream, seed_row, seed_sequence
@@ -63,9 +64,9 @@ def _run(options: argparse.Namespace) -> None:
         return
     folder = output_folder(options, options.run)
     if options.reestimate:
-        elites = reestimated(elites, options.engine, options.seed, options.episodes)
+        elites, found = reestimated(elites, options.engine, options.seed, options.episodes)
         print(f"On {options.episodes} fresh scenarios:")
-        print("\n".join("  " + line for line in archive_lines(elites)))
+        print("\n".join("  " + line for line in archive_lines(elites, found.qd_score_error)))
         elites.save(folder / REESTIMATED_FILE)
         print_saved([folder / REESTIMATED_FILE])
     if options.export == "csv":
@@ -84,7 +85,9 @@ def pyribs_file(axes: Sequence[str]) -> str:
     return PYRIBS_FILE if tuple(axes) == MEASURES else f"{name}_{'_'.join(axes)}.{suffix}"
 
 
-def reestimated(elites: EliteArchive, engine: str, seed: int, episodes: int) -> EliteArchive:
+def reestimated(
+    elites: EliteArchive, engine: str, seed: int, episodes: int
+) -> tuple[EliteArchive, Reestimation]:
     """Copy an archive and evaluate all elites of the copy on the same fresh scenarios.
 
     What happened to the robots in training, such as damage, happens in these, too.
@@ -102,24 +105,25 @@ def reestimated(elites: EliteArchive, engine: str, seed: int, episodes: int) -> 
     scenarios = copy.sampling.draw(task.task, sequence, episodes, task.grid_size)
     chosen = resolve_engine(engine, task, perturbations.is_any)
     with make_engine(chosen, task) as running:
-        reestimate(copy.archive, running, scenarios, seed_row(sequence))
-    return copy
+        found = reestimate(copy.archive, running, scenarios, seed_row(sequence))
+    return copy, found
 
 
-def archive_lines(elites: EliteArchive) -> list[str]:
-    """Format an archive's statistics as lines of text."""
+def archive_lines(elites: EliteArchive, qd_score_error: float = math.nan) -> list[str]:
+    """Format an archive's statistics as lines of text, with the QD-score's error if it is known."""
     archive = elites.archive
     numbers = archive.statistics()
     possible = len(archive.space.triples)
     filled = int(numbers["filled"])
     paper = score = ""
+    error = f" +- {qd_score_error:.4f} (standard error)" if math.isfinite(qd_score_error) else ""
     if possible != PAPER_TRIPLES:
         paper = f" ({numbers['filled_fraction_of_2024']:.1%} of the paper's {PAPER_TRIPLES:,})"
         score = f" ({numbers['qd_score_of_2024']:.4f} by the paper's {PAPER_TRIPLES:,})"
     lines = [
         f"filled   {filled:,} of {possible:,} measure triples, "
         f"{numbers['filled_fraction']:.1%}{paper}",
-        f"QD-score {numbers['qd_score']:.4f}{score}",
+        f"QD-score {numbers['qd_score']:.4f}{error}{score}",
     ]
     if filled:
         still = float(archive.column("standing_still").mean())

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +18,23 @@ from ncrs_envs.scenario import Scenario
 _CHUNK = 256
 
 
+class Reestimation(NamedTuple):
+    """What a new estimate of an archive's elites tells, beside the archive itself."""
+
+    dropped: int
+    """Number of elites that were dropped."""
+    qd_score_error: float
+    """Standard error of the QD-score per triple: all elites share the scenarios, of which some are
+    easier than others. NaN for a single scenario."""
+
+
 def reestimate(
     archive: Archive,
     engine: Engine,
     scenarios: Sequence[Scenario],
     seeds: NDArray[np.int64],
     should_stop: StopCheck | None = None,
-) -> int:
+) -> Reestimation:
     """Evaluate all elites on the same fresh scenarios, and replace their estimates.
 
     Elites keep their cells; one whose new fitness is NaN is dropped.
@@ -34,9 +46,6 @@ def reestimate(
         seeds: Seed and keys of the scenarios' random stream, ``(4,)``, see ``Archive.add``.
         should_stop: Function that is polled now and then; True ends the evaluation.
 
-    Returns:
-        Number of elites that were dropped.
-
     Raises:
         ArchiveError: If an estimate is infinite. The archive is unchanged then.
         EngineError: If a worker was lost.
@@ -44,7 +53,7 @@ def reestimate(
     """
     genomes = archive.column("genomes")
     if not len(genomes):
-        return 0
+        return Reestimation(0, 0.0)
     parts = [
         engine.evaluate(genomes[first : first + _CHUNK], scenarios, should_stop)
         for first in range(0, len(genomes), _CHUNK)
@@ -55,4 +64,8 @@ def reestimate(
         standing_still_fitness(engine.settings, scenarios),
         seeds,
     )
-    return len(genomes) - len(archive)
+    of_scenarios = np.concatenate([part.episode_fitness for part in parts]).sum(axis=0)
+    error = math.nan
+    if len(scenarios) > 1:
+        error = float(np.std(of_scenarios, ddof=1) / len(scenarios) ** 0.5)
+    return Reestimation(len(genomes) - len(archive), error / len(archive.space.triples))

@@ -136,7 +136,7 @@ class Search:
     def reestimate(self, engine: Engine, generation: int, should_stop: StopCheck) -> int:
         """Estimate all elites on fresh scenarios; return the number dropped for NaN."""
         scenarios, seeds = self._draw(Stream.REESTIMATION, generation)
-        return reestimate(self.archive, engine, scenarios, seeds, should_stop)
+        return reestimate(self.archive, engine, scenarios, seeds, should_stop).dropped
 
     def candidates(self, generation: Generation) -> dict[str, NDArray[np.float64]]:
         """Return candidates for champion by source, see ``Champion.source``.

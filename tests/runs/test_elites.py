@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -173,10 +174,14 @@ def test_new_estimates_come_from_the_fresh_scenarios(found):
     stream = seed_sequence(77, Stream.REESTIMATION, 9)
     scenarios = sample_scenarios("light_chase", stream, 3)
     with make_engine("box2d", TaskSettings(), 1) as engine:
-        assert reestimate(copy, engine, scenarios, seed_row(stream)) == 0
+        estimate = reestimate(copy, engine, scenarios, seed_row(stream))
+        assert estimate.dropped == 0
         expected = engine.evaluate(elites.archive.column("genomes"), scenarios)
     np.testing.assert_array_equal(copy.cells, elites.archive.cells)
     np.testing.assert_array_equal(copy.column("fitness"), expected.fitness)
+    scores = expected.episode_fitness.sum(axis=0) / len(copy.space.triples)
+    assert copy.statistics()["qd_score"] == pytest.approx(scores.mean())
+    assert estimate.qd_score_error == pytest.approx(scores.std(ddof=1) / 3**0.5)
     np.testing.assert_array_equal(copy.column("success"), expected.success.mean(axis=1))
     assert (copy.column("seeds") == [77, 4, 9, -1]).all()
     assert (copy.column("generations") == 5).all()
@@ -206,6 +211,7 @@ def test_the_archive_command(found, saved, capsys):
     assert f"{count} of 2,300 measure triples" in output
     assert "the paper's 2,024" in output
     assert "standing still earns 0.42" in output
+    assert re.search(r"QD-score 0\.\d{4} \+- 0\.\d{4} \(standard error\)", output)
     again = load_archive(folder / "archive_reestimated.npz")
     assert again.episodes == 2
     np.testing.assert_array_equal(again.archive.cells, found[0].archive.cells)
@@ -219,9 +225,9 @@ def test_new_estimates_are_under_the_damage_of_training(found):
     elites = found[0]
     damage = PerturbationSettings(damage_fraction=0.5)
     trained = replace(elites, sampling=ScenarioSampling(perturbations=damage))
-    again = reestimated(trained, "batched", 0, 2)
+    again, _ = reestimated(trained, "batched", 0, 2)
     assert again.sampling.perturbations == damage
-    plain = reestimated(elites, "batched", 0, 2)
+    plain, _ = reestimated(elites, "batched", 0, 2)
     differ = again.archive.column("fitness") != plain.archive.column("fitness")
     assert differ.any()
 
