@@ -116,7 +116,7 @@ def archive_lines(elites: EliteArchive, qd_score_error: float = math.nan) -> lis
     possible = len(archive.space.triples)
     filled = int(numbers["filled"])
     paper = score = ""
-    error = f" +- {qd_score_error:.4f} (standard error)" if math.isfinite(qd_score_error) else ""
+    error = f" +- {qd_score_error:.4f} standard error" if math.isfinite(qd_score_error) else ""
     if possible != PAPER_TRIPLES:
         paper = f" ({numbers['filled_fraction_of_2024']:.1%} of the paper's {PAPER_TRIPLES:,})"
         score = f" ({numbers['qd_score_of_2024']:.4f} by the paper's {PAPER_TRIPLES:,})"

@@ -211,7 +211,7 @@ def test_the_archive_command(found, saved, capsys):
     assert f"{count} of 2,300 measure triples" in output
     assert "the paper's 2,024" in output
     assert "standing still earns 0.42" in output
-    assert re.search(r"QD-score 0\.\d{4} \+- 0\.\d{4} \(standard error\)", output)
+    assert re.search(r"QD-score 0\.\d{4} \+- 0\.\d{4} standard error", output)
     again = load_archive(folder / "archive_reestimated.npz")
     assert again.episodes == 2
     np.testing.assert_array_equal(again.archive.cells, found[0].archive.cells)
