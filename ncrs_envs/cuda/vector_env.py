@@ -78,6 +78,8 @@ class DeviceVectorEnv(VectorBase):
         FailedGPUError: Its memory was used up, by others too, or it failed.
     """
 
+    _fleet: FleetMemory | None = None
+
     def __init__(  # noqa: PLR0913 - the public call, as in gymnasium.make_vec
         self,
         num_envs: int = 1,
@@ -118,7 +120,7 @@ class DeviceVectorEnv(VectorBase):
         self._resets_at_once = self.autoreset_mode is AutoresetMode.SAME_STEP
         ends = (self._step_limit, self.terminate_on_success, self._resets_at_once)
         with on_device(self._index):
-            self._fleet: FleetMemory | None = FleetMemory(settings, self.num_envs, ends, shared)
+            self._fleet = FleetMemory(settings, self.num_envs, ends, shared)
             everywhere = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
         self._everywhere = everywhere
         self._action: torch.Tensor | None = None
@@ -256,7 +258,8 @@ class DeviceVectorEnv(VectorBase):
         info: dict[str, Any] = {}
         if self._resets_at_once:
             ended = turn["terminated"] | turn["truncated"]
-            info["final_obs"] = memory.last["observations"].reshape(-1, n, n).clone()
+            last = memory.last["observations"].reshape(-1, n, n)
+            info["final_obs"] = last.masked_fill(~ended[:, None, None], 0.0)
             info["final_info"] = self._infos_of(memory.last, ended)
             info["_final_obs"] = info["_final_info"] = ended
         info.update(self._infos_of(memory.readings, None))
@@ -300,5 +303,6 @@ class DeviceVectorEnv(VectorBase):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release the memory on the GPU."""
-        with on_device(self._index):
-            self._fleet = self._action = None
+        if self._fleet is not None:  # as it is where the environments could not be made
+            with on_device(self._index):
+                self._fleet = self._action = None

@@ -123,6 +123,17 @@ def variations(device):
         notes.take(f"small {step}", envs.step(actions))
     mask = torch.tensor([True, False, True])
     notes.take("again", envs.reset(options={"reset_mask": mask, "region": torch.tensor([1, 2, 3])}))
+    # One of two episodes ends, and another follows at once.
+    envs = gymnasium.make_vec(
+        "NCRS-LightChase-v0",
+        num_envs=2,
+        device=device,
+        terminate_on_success=True,
+        autoreset_mode="SameStep",
+    )
+    near = ncrs_envs.Scenario((0.0, 0.0), light=(0.0, 19.0))
+    notes.take("one", envs.reset(seed=3, options={"scenario": [None, near]}))
+    notes.take("one ends", envs.step(torch.ones(2, 5, 5)))
     # More walls than any drawn scenario has, then those of the stream again.
     envs = gymnasium.make_vec("NCRS-Obstacle-v0", num_envs=2, device=device, grid_size=7)
     notes.take("many walls", envs.reset(seed=1))

@@ -59,6 +59,7 @@ def test_every_step_is_bit_equal(task, mode, tmp_path):
 def test_other_arguments_and_options_are_bit_equal(tmp_path):
     expected = variations("cpu")
     assert expected["small 0.2"].tolist() == [False, True, False]  # by success
+    assert expected["one ends.4._final_obs"].tolist() == [False, True]
     assert_equal(simulated(tmp_path / "steps.npz", "variations", ""), expected)
 
 
