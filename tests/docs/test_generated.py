@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import json
 import re
 import sys
 from pathlib import Path
@@ -18,7 +19,7 @@ from ncrs.evolution.optimizers import OPTIMIZERS
 from ncrs.runs.engine_settings import EngineSettings
 from ncrs.runs.settings import TrainConfig
 from ncrs_envs.perturbing import PerturbationSettings
-from ncrs_envs.tasks import BUILT_IN, TaskSettings
+from ncrs_envs.tasks import BUILT_IN, PAPER_TASKS, TaskSettings
 from tests.documents import DOCS, PAGES
 
 
@@ -114,3 +115,14 @@ def test_every_mark_has_a_maker(maker):
     makers = maker("generated").MAKERS
     marks = [re.findall(r"^<!-- (\w+)", page.read_text(), re.MULTILINE) for page in PAGES]
     assert {name for names in marks for name in names} == set(makers)
+
+
+@pytest.mark.parametrize("task", PAPER_TASKS, ids=lambda task: task.name)
+def test_the_archives_have_pages(task):
+    page = DOCS / "_static" / "archives" / task.name / "index.html"
+    link = f'<a href="{page.relative_to(DOCS).as_posix()}">{task.title}</a>'
+    assert link in (DOCS / "quality_diversity.md").read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8")
+    assert f"{task.title}, drafts" in text
+    for name in json.loads((page.parent / "manifest.json").read_text(encoding="utf-8"))["files"]:
+        assert (page.parent / name).is_file(), name
