@@ -27,7 +27,7 @@ extensions = [
     "plain_attributes",
     "generated",
 ]
-exclude_patterns = ["_build", "_ext", "_static", "jupyter_execute"]
+exclude_patterns = ["_build", "_ext", "_static", "archives", "jupyter_execute"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3

@@ -6,6 +6,7 @@ The maker's name may be followed by arguments: `<!-- environment NCRS-LightChase
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,8 @@ MAKERS: Mapping[str, Callable[..., str]] = {
     "task_settings": task_settings,
 }
 """Makers of Markdown, by the names that pages call them with."""
+ARCHIVES = Path(__file__).parents[1] / "archives"
+"""Reports on archives (``ncrs report RUN --elites champion``), without what all of them share."""
 _MARK = re.compile(r"^<!-- (\w+)(.*?) -->$", re.MULTILINE)
 
 
@@ -58,8 +61,24 @@ def _write_live_page(app: Sphinx, error: Exception | None) -> None:
     write_page(Path(app.outdir) / PAGE_FILE, [robot_by_hand(), *published_robots()])
 
 
+def _write_archive_pages(app: Sphinx, error: Exception | None) -> None:
+    """Write the pages of archives, of which the repository holds page and data alone."""
+    if error is not None or app.builder.format != "html":
+        return
+    from ncrs.live.build import PAGE_FILE, write_page
+    from ncrs.live.robots import robot_by_hand
+    from ncrs.report.build import write_parts
+
+    folder = Path(app.outdir) / ARCHIVES.name
+    shutil.copytree(ARCHIVES, folder, dirs_exist_ok=True)
+    for page in folder.iterdir():
+        write_parts(page)
+        write_page(page / PAGE_FILE, [robot_by_hand()])  # shows any robot of the page
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Fill pages when they are read, and add the live page when the others are written."""
+    """Fill pages when they are read, and add the other ones when these are written."""
     app.connect("source-read", _fill_page)
     app.connect("build-finished", _write_live_page)
+    app.connect("build-finished", _write_archive_pages)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -199,6 +199,7 @@ def _write_report(
             "scripts": (*SHARED, *_SCRIPTS),
         }
         _write_page(made, page)
+        write_parts(made)
         live = page_text([_first_robot(robots)], options.seed)
         (made / LIVE_PAGE).write_text(live, encoding="utf-8")
         _write_robots(made / DATA_FOLDER, robots, first, scenarios, progress)
@@ -213,7 +214,7 @@ def _limits(settings: TaskSettings) -> dict[str, float]:
 
 
 def _write_page(folder: Path, values: dict[str, Any]) -> None:
-    """Write the page, its style and its scripts."""
+    """Write the page itself."""
     try:
         from jinja2 import Environment, StrictUndefined
     except ImportError as error:
@@ -224,6 +225,11 @@ def _write_page(folder: Path, values: dict[str, Any]) -> None:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     template = environment.from_string((source / f"{PAGE_FILE}.j2").read_text(encoding="utf-8"))
     (folder / PAGE_FILE).write_text(template.render(values), encoding="utf-8")
+
+
+def write_parts(folder: Path) -> None:
+    """Write the style and the scripts that all pages share."""
+    source = files("ncrs.report") / "page"
     for name in (_STYLE, *_SCRIPTS):
         (folder / name).write_text((source / name).read_text(encoding="utf-8"), encoding="utf-8")
     for name in (BASE_STYLE, *SHARED):
