@@ -15,7 +15,7 @@ from ncrs.engines.base import Engine, Evaluation, StopCheck
 from ncrs.evolution.archive import AddResult, ArchiveError
 from ncrs.evolution.objective import Objective
 from ncrs.evolution.optimizers import OptimizerError, make_optimizer
-from ncrs.evolution.optimizers.base import Genomes, Optimizer
+from ncrs.evolution.optimizers.base import Optimizer
 from ncrs.evolution.reestimation import reestimate
 from ncrs.evolution.space import WEIGHTS
 from ncrs.evolution.standstill import standing_still_fitness
@@ -85,10 +85,7 @@ class Search:
 
     def ask(self) -> AnyGenomes:
         """Propose the next population, ``(P, N)``, on the GPU if the search is there."""
-        points = self._optimizer.ask_in_place()
-        if self._config.space == WEIGHTS:
-            return self._layout.symmetric(points) if self._is_symmetric else points
-        return self._searched(np.asarray(points))
+        return self._searched(self._optimizer.ask_in_place())
 
     def draw(self, generation: int, population: int) -> DrawnScenarios:
         """Draw the scenarios of a generation of that many genomes."""
@@ -147,7 +144,9 @@ class Search:
         best = int(np.nanargmax(self.objective(generation.evaluation)))
         return {
             "sample": generation.genomes[best],
-            self._optimizer.candidate_source: self._searched(self._optimizer.mean[None])[0],
+            self._optimizer.candidate_source: np.asarray(
+                self._searched(self._optimizer.mean[None])
+            )[0],
         }
 
     def metrics(self) -> dict[str, float]:
@@ -187,11 +186,10 @@ class Search:
         scenarios = draw_scenarios(self._sampling, config.task, sequence, config.episodes, eased_at)
         return scenarios, seed_row(sequence)
 
-    @property
-    def _is_symmetric(self) -> bool:
-        return self._config.symmetric and self._config.optimizer.may_be_symmetric
-
-    def _searched(self, points: Genomes) -> Genomes:
+    def _searched(self, points: AnyGenomes) -> AnyGenomes:
         """Return the genomes of points, the nearest symmetric ones if only those are searched."""
-        genomes = self._space.genomes(points)
-        return np.asarray(self._layout.symmetric(genomes)) if self._is_symmetric else genomes
+        config, genomes = self._config, points
+        if config.space != WEIGHTS:
+            genomes = self._space.genomes(np.asarray(points))
+        is_symmetric = config.symmetric and config.optimizer.may_be_symmetric
+        return self._layout.symmetric(genomes) if is_symmetric else genomes
