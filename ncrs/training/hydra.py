@@ -31,6 +31,7 @@ from ncrs.runs.settings import (
 from ncrs.runs.wording import override, train_command
 from ncrs.training.explanations import all_explanations
 from ncrs.training.files import holds_run
+from ncrs_envs.checks import closest
 from ncrs_envs.errors import NCRSError
 from ncrs_envs.tasks import TASKS, TaskSettings
 
@@ -132,7 +133,7 @@ def config_error(error: Exception) -> ConfigError:
         if group == "hydra":  # a group of Hydra's own
             subgroup, _, name = name.rpartition("/")
             group = f"hydra/{subgroup}"
-        return ConfigError(f"Unknown {group} {name!r}; choose one of {', '.join(_choices(group))}.")
+        return ConfigError(f"Unknown {group} {name!r}; {_advice(group, name)}.")
     cause = error.__cause__ or error.__context__ or error
     if isinstance(cause, ConfigKeyError | ConfigAttributeError) and cause.object_type is not None:
         return unknown_setting(str(cause.full_key), cause.object_type)
@@ -153,6 +154,19 @@ def _unreadable(error: OverrideParseException) -> ConfigError:
 
 def _first_line(error: Exception) -> str:
     return str(error).strip().partition("\n")[0].rstrip(".")
+
+
+def _advice(group: str, name: str) -> str:
+    """Say what may be chosen in place of an unknown name; of many folders only their names."""
+    choices = _choices(group)
+    folder, is_inside, _ = name.rpartition("/")
+    inside = [choice for choice in choices if is_inside and choice.startswith(f"{folder}/")]
+    if inside or not any("/" in choice for choice in choices):
+        return f"choose one of {', '.join(inside or choices)}"
+    folders = dict.fromkeys(re.sub("/.*", "/...", choice) for choice in choices)
+    advice = f"choose one of {', '.join(folders)}, which --help lists"
+    similar = closest(name, choices)
+    return f"did you mean {' or '.join(similar)}? Else {advice}" if similar else advice
 
 
 def _choices(group: str) -> list[str]:

@@ -110,6 +110,20 @@ def test_the_papers_cma_me(composed, task):
     assert config.task.distance_score == score
 
 
+@pytest.mark.parametrize("task", [task.name for task in PAPER_TASKS])
+@pytest.mark.parametrize(
+    ("optimizer", "differences"),
+    [("cma_es", {"parents": 14}), ("cma_me", {"parents": 14, "ranking": "fitness"})],
+)
+def test_the_published_runs_differ_from_the_stated_ones(composed, task, optimizer, differences):
+    stated = composed(f"experiment=paper/{task}_{optimizer}")
+    published = composed(f"experiment=published/{task}_{optimizer}")
+    assert stated.optimizer.parents is None
+    assert published == dataclasses.replace(
+        stated, optimizer=dataclasses.replace(stated.optimizer, **differences)
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "space", "repair_steps"),
     [
@@ -154,11 +168,15 @@ def test_the_command_line_wins_over_an_experiment(composed):
         (["optimizer.name=cma_me"], "name must be 'sep_cma_es'.*optimizer=NAME"),
         (
             ["experiment=best/foo"],
-            "Unknown experiment 'best/foo'.*best/obstacle, gpu/map",
+            "Unknown experiment 'best/foo'; choose one of best/carry_ball, .*, best/obstacle.$",
         ),
         (
             ["experiment=foo"],
-            "Unknown experiment 'foo'.*best/obstacle, gpu/map",
+            "Unknown experiment 'foo'; choose one of archive/..., .*, robust/..., which --help",
+        ),
+        (
+            ["experiment=light_chase"],
+            "Unknown experiment 'light_chase'; did you mean best/light_chase or .* Else choose",
         ),
         (["seed=1.5"], "seed is invalid: Value '1.5' of type 'float'"),
         (["optimizer.sigma=big"], "optimizer.sigma is invalid: Value 'big'"),
@@ -257,6 +275,7 @@ def test_help_tells_defaults_and_choices(printed_help):
     )
     assert {"seed=0", "start_from=null", "symmetric=true", "task.name=light_chase"} <= set(lines)
     assert "experiment/paper: carry_ball_cma_es" in printed_help
+    assert "experiment/published: carry_ball_cma_es" in printed_help
     names = "cma_es, cma_mae, cma_me, drafts, iso_cma_es, map_elites, sep_cma_es"
     assert f"optimizer: {names}" in printed_help
 
