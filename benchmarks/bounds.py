@@ -5,8 +5,8 @@ fast as wheels can. A wheel's force vanishes at ``MAX_SPEED``. The estimate igno
 collisions, and lets the robot touch the ball with its far corner, so it is generous; but a ball
 that is flung rather than pushed may be faster.
 
-The second is the success in Obstacle of a hand-made robot that knows more than sensors tell: the
-positions of the light and of the passage. It drives on the batched simulator.
+The second is the success in Obstacle of hand-made robots that know more than sensors tell: the
+positions of the light and of the passage. They drive on the batched simulator.
 """
 
 from __future__ import annotations
@@ -32,6 +32,10 @@ REACH = MAX_SPEED * DT * MAX_EPISODE_STEPS
 
 SLIDER = ["..L..", ".....", "..W..", ".WWW.", "..W.."]
 """Body three cells wide: a nose that slides along walls, and wheels close together to turn fast."""
+TOUCH_SLIDER = ["..L..", "..C..", "..W..", ".WWW.", ".WWW."]
+"""The same with a touch sensor, for the courses in which one is needed."""
+TWO_SIDED = ["..C..", "..W..", ".LWL.", ".WWW.", ".WWW."]
+"""Body with a touch sensor whose light sensors can tell left from right."""
 GAIN = 4.0
 """Gain of the steering, in gas per radian."""
 BEFORE_EXIT = 3.0
@@ -86,12 +90,17 @@ def steered(turn: NDArray[np.float64]) -> NDArray[np.float32]:
     return np.clip(1.0 + side * turn[:, None, None], -1.0, 1.0).astype(np.float32)
 
 
-def driven(driver: Driver, scenarios: list[Scenario]) -> tuple[float, float]:
-    """Drive ``SLIDER`` through Obstacle; returns the fractions that succeed, and that cross."""
+def driven(
+    driver: Driver,
+    scenarios: list[Scenario],
+    body: list[str] = SLIDER,
+    task: str = "obstacle",
+) -> tuple[float, float]:
+    """Drive a body through courses; returns the fractions that succeed, and that cross."""
     exits = np.array([passage(scenario) for scenario in scenarios])
     lights = np.array([scenario.light for scenario in scenarios])
-    envs = gymnasium.make_vec(TASKS["obstacle"].env_id, num_envs=len(scenarios))
-    _, infos = envs.reset(options={"body": SLIDER, "scenario": scenarios})
+    envs = gymnasium.make_vec(TASKS[task].env_id, num_envs=len(scenarios))
+    _, infos = envs.reset(options={"body": body, "scenario": scenarios})
     through = np.zeros(len(scenarios), dtype=bool)
     for _ in range(MAX_EPISODE_STEPS):
         x, y, angle = infos["pose"].T
@@ -117,9 +126,15 @@ def main() -> None:
         ways = [way(one, get_task(name).success_radius) for one in drawn]
         possible = sum(length <= REACH for length in ways) / count
         print(f"{name:<12} {possible:.0%} of the scenarios are short enough")
-    for driver in DRIVERS:
-        success, crossed = driven(driver, scenarios["obstacle"])
-        print(f"obstacle, {driver.name}: {success:.0%} succeed, {crossed:.0%} cross")
+    for task, body in (
+        ("obstacle", SLIDER),
+        ("obstacle_touch", TOUCH_SLIDER),
+        ("obstacle_touch", TWO_SIDED),
+    ):
+        print(f"{task}, {'/'.join(body)}:")
+        for driver in DRIVERS:
+            success, crossed = driven(driver, scenarios["obstacle"], body, task)
+            print(f"  {driver.name}: {success:.0%} succeed, {crossed:.0%} cross")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.bounds import DRIVERS, REACH, driven, steered, way
+from benchmarks.bounds import DRIVERS, REACH, TOUCH_SLIDER, TWO_SIDED, driven, steered, way
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 
@@ -44,3 +44,12 @@ def test_who_is_told_more_gets_further():
     assert passage[0] < both[0]
     assert blind[1] == light[1] < passage[1] == both[1]
     assert both[0] < 0.75  # of the ways are short enough, for a robot that need not turn
+
+
+def test_a_touch_sensor_is_a_burden_and_more_sensors_are_a_greater_one():
+    courses = sample_scenarios("obstacle", 0, 80)
+    knowing = DRIVERS[-1]
+    success, _ = driven(knowing, courses)
+    touching, _ = driven(knowing, courses, TOUCH_SLIDER, "obstacle_touch")
+    two_sided, _ = driven(knowing, courses, TWO_SIDED, "obstacle_touch")
+    assert success > touching > two_sided > 0.0
