@@ -72,6 +72,11 @@ EXPECTED = {
         "bool(right > 0.6)": True,
         "round(float(wrong), 2)": 0.01,
     },
+    "results.md": {
+        "round(float(blind.fitness[0]), 3)": 0.36,
+        "bool(abs(blind.success.mean() - 0.148) < 0.005)": True,
+        "bool(abs(blind.crossed.mean() - 0.68) < 0.005)": True,
+    },
     "damage.md": {
         "int(info['body'][1, 1])": 0,
         "bool(result.success.mean() == 1.0)": True,
