@@ -11,17 +11,24 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 
 from ncrs_envs.batched.vector_options import (
     check_autoreset_mode,
     check_compiled,
     check_count,
+    check_damages,
     check_mask,
+    check_regions,
+    check_scenarios,
     check_step_limit,
+    without_mask,
 )
 from ncrs_envs.bodies import check_bodies
-from ncrs_envs.interface import check_flag, from_tensor
+from ncrs_envs.interface import check_flag, check_options, from_tensor
+from ncrs_envs.perturbations import Damage
 from ncrs_envs.physics import DT
+from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import Task, TaskSettings, default_body
 
 if TYPE_CHECKING:
@@ -36,6 +43,21 @@ class EpisodeRules(NamedTuple):
     max_episode_steps: int
     terminate_on_success: bool
     autoreset_mode: str | AutoresetMode
+
+
+class ResetRequest(NamedTuple):
+    """Checked reset options, for the environments in ``mask``."""
+
+    mask: NDArray[np.bool_]
+    """True for the environments to reset, ``(num_envs,)``."""
+    bodies: NDArray[np.int8] | None
+    """A body for each environment in the mask; None to keep theirs."""
+    regions: list[int | None]
+    """A region, or None for a random one, for every environment."""
+    scenarios: dict[int, Scenario]
+    """Scenarios by environment, of those that are given one."""
+    damages: dict[int, Damage]
+    """Damages by environment, of those that are given one."""
 
 
 class VectorBase(_BaseEnv):
@@ -99,6 +121,25 @@ class VectorBase(_BaseEnv):
             spec = copy.copy(spec)
             spec.kwargs = plain
         self._spec = spec
+
+    def _requested(self, options: dict[str, Any] | None) -> ResetRequest:
+        """Check reset options; the errors are those of ``reset``."""
+        given = dict(check_options(without_mask(options)))
+        count, n = self.num_envs, self.settings.grid_size
+        mask = check_mask(options.get("reset_mask") if options else None, count)
+        body = given.get("body")
+        bodies = None if body is None else check_bodies(body, self.task, n, mask)
+        regions = check_regions(given.get("region"), count)
+        scenarios = check_scenarios(given.get("scenario"), self.task, n, count)
+        damages = check_damages(given.get("damage"), n, count)
+        chosen = np.flatnonzero(mask).tolist()
+        return ResetRequest(
+            mask,
+            bodies,
+            regions,
+            {i: scenario for i in chosen if (scenario := scenarios[i]) is not None},
+            {i: damage for i in chosen if (damage := damages[i]) is not None},
+        )
 
     def _check_open(self) -> None:
         if self.closed:

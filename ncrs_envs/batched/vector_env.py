@@ -24,16 +24,12 @@ from ncrs_envs.batched.vector_base import EpisodeRules, VectorBase
 from ncrs_envs.batched.vector_options import (
     batch_info,
     check_count,
-    check_damages,
     check_mask,
-    check_regions,
-    check_scenarios,
     check_seeds,
-    without_mask,
 )
-from ncrs_envs.bodies import check_bodies, grid_side
+from ncrs_envs.bodies import grid_side
 from ncrs_envs.body import HULL_DENSITY
-from ncrs_envs.interface import OptionError, check_action, check_options
+from ncrs_envs.interface import OptionError, check_action
 from ncrs_envs.rendering import Scene
 from ncrs_envs.scenario import Scenario
 from ncrs_envs.tasks import (
@@ -172,27 +168,20 @@ class RobotVectorEnv(VectorBase):
             PerturbationError: A damage is malformed, or does not fit the grid.
         """
         self._check_open()
-        given = dict(check_options(without_mask(options)))
-        mask = check_mask(options.get("reset_mask") if options else None, self.num_envs)
-        n = self.settings.grid_size
-        body = given.get("body")
-        bodies = None if body is None else check_bodies(body, self.task, n, mask)
-        regions = check_regions(given.get("region"), self.num_envs)
-        scenarios = check_scenarios(given.get("scenario"), self.task, n, self.num_envs)
-        damages = check_damages(given.get("damage"), n, self.num_envs)
-        envs = np.flatnonzero(mask)
+        request = self._requested(options)
+        envs = np.flatnonzero(request.mask)
         seeds = check_seeds(seed, self.num_envs)
         self._streams.seed({i: s for i in envs.tolist() if (s := seeds[i]) is not None})
         self._robots.end(envs)
-        if bodies is not None:
-            self._robots.put(envs, bodies)
-        pinned = {i: s for i, s in enumerate(scenarios) if s is not None and mask[i]}
+        if request.bodies is not None:
+            self._robots.put(envs, request.bodies)
+        pinned = request.scenarios
         self._batch.scenarios.put(list(pinned), list(pinned.values()))
-        drawn = [i for i in envs.tolist() if scenarios[i] is None]
-        self._batch.scenarios.draw(drawn, self._streams, regions)
-        self._batch.scenarios.damage({i: d for i, d in enumerate(damages) if d and mask[i]})
+        drawn = [i for i in envs.tolist() if i not in pinned]
+        self._batch.scenarios.draw(drawn, self._streams, request.regions)
+        self._batch.scenarios.damage(request.damages)
         self._start(envs)
-        return self._observations(), self._info(mask)
+        return self._observations(), self._info(request.mask)
 
     def _start(self, envs: Indices) -> None:
         self._robots.end(envs)

@@ -24,21 +24,15 @@ from ncrs_envs.batched.sampling import RANDOM_REGION
 from ncrs_envs.batched.scenario_table import Indices
 from ncrs_envs.batched.vector_base import EpisodeRules, VectorBase
 from ncrs_envs.batched.vector_options import (
-    check_damages,
-    check_mask,
-    check_regions,
-    check_scenarios,
     check_seeds,
-    without_mask,
 )
-from ncrs_envs.bodies import check_bodies, grid_side
+from ncrs_envs.bodies import grid_side
 from ncrs_envs.body import HULL_DENSITY, sensor_mask, wheel_mask
 from ncrs_envs.cuda.devices import check_device, on_device
 from ncrs_envs.cuda.fleet import FleetMemory
 from ncrs_envs.cuda.kernels import DRAW, KEEP, LEAVE
 from ncrs_envs.cuda.tensors import SharedMemory, check_device_name
-from ncrs_envs.interface import OptionError, check_options
-from ncrs_envs.scenario import Scenario
+from ncrs_envs.interface import OptionError
 from ncrs_envs.tasks import MAX_EPISODE_STEPS, RIGID, TaskError, TaskSettings
 
 
@@ -167,45 +161,25 @@ class DeviceVectorEnv(VectorBase):
     ) -> tuple[torch.Tensor, dict[str, Any]]:
         """Start episodes; arguments and errors as of ``RobotVectorEnv.reset``, but for damage."""
         self._check_open()
-        given = dict(check_options(without_mask(options)))
-        mask = check_mask(options.get("reset_mask") if options else None, self.num_envs)
-        n = self.settings.grid_size
-        body = given.get("body")
-        bodies = None if body is None else check_bodies(body, self.task, n, mask)
-        regions = self._regions(given.get("region"))
-        pinned = self._pinned(given.get("scenario"), mask)
-        damages = check_damages(given.get("damage"), n, self.num_envs) if "damage" in given else []
-        if any(damages) or any(s.is_perturbed for s in pinned.values()):
+        request = self._requested(options)
+        mask, pinned = request.mask, request.scenarios
+        if request.damages or any(scenario.is_perturbed for scenario in pinned.values()):
             raise OptionError("Nothing is damaged or disturbed on a GPU: leave device out.")
+        regions = [RANDOM_REGION if region is None else region for region in request.regions]
         envs = np.flatnonzero(mask)
         self._seed(envs, seed)
-        if bodies is not None:
-            self._put_bodies(envs, bodies)
+        if request.bodies is not None:
+            self._put_bodies(envs, request.bodies)
         kinds = np.where(mask, DRAW, LEAVE).astype(np.int8)
         kinds[list(pinned)] = KEEP
         with on_device(self._index):
             if pinned:
-                rows = scenario_records(list(pinned.values()), n)
+                rows = scenario_records(list(pinned.values()), self.settings.grid_size)
                 self._memory.set_scenarios(np.array(list(pinned)), rows)
-            self._memory.start(kinds, regions)
+            self._memory.start(kinds, np.array(regions, dtype=np.int64))
         self._is_started |= mask
         shown = None if mask.all() else self._shared.tensor(mask)
         return self._observations(), self._infos_of(self._memory.readings, shown)
-
-    def _regions(self, region: Any) -> NDArray[np.int64]:
-        """Return the number of each environment's region, ``RANDOM_REGION`` for any."""
-        numbers = np.full(self.num_envs, RANDOM_REGION, dtype=np.int64)
-        if region is not None:
-            checked = check_regions(region, self.num_envs)
-            numbers[:] = [RANDOM_REGION if number is None else number for number in checked]
-        return numbers
-
-    def _pinned(self, scenario: Any, mask: NDArray[np.bool_]) -> dict[int, Scenario]:
-        """Return the scenarios that are given to environments in ``mask``, by index."""
-        if scenario is None:
-            return {}
-        scenarios = check_scenarios(scenario, self.task, self.settings.grid_size, self.num_envs)
-        return {i: s for i, s in enumerate(scenarios) if s is not None and mask[i]}
 
     def _seed(self, envs: Indices, seed: Any) -> None:
         """Seed environments, and those that have no seed yet with numbers that nobody knows."""
