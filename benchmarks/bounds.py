@@ -6,7 +6,9 @@ collisions, and lets the robot touch the ball with its far corner, so it is gene
 that is flung rather than pushed may be faster.
 
 The second is the success in Obstacle of hand-made robots that know more than sensors tell: the
-positions of the light and of the passage. They drive on the batched simulator.
+positions of the light and of the passage. The last of them knows only what its single sensor tells,
+which is how fast the light comes nearer, but not on which side it is. All drive on the batched
+simulator.
 """
 
 from __future__ import annotations
@@ -20,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.parity import passage
-from ncrs_envs.body import CELL_SIZE, DEFAULT_GRID_SIZE, cell_centers
+from ncrs_envs.body import CELL_SIZE, DEFAULT_GRID_SIZE, Cell, cell_centers, parse_body
 from ncrs_envs.physics import BALL_RADIUS, DT, WHEEL_FORWARD_FRICTION, WHEEL_THRUST
 from ncrs_envs.scenario import Scenario, sample_scenarios
-from ncrs_envs.tasks import MAX_EPISODE_STEPS, TASKS, get_task
+from ncrs_envs.tasks import MAX_EPISODE_STEPS, TASKS, get_task, playfield
 
 MAX_SPEED = WHEEL_THRUST / WHEEL_FORWARD_FRICTION
 """Maximum speed of a wheel in units per second."""
@@ -36,8 +38,18 @@ TOUCH_SLIDER = ["..L..", "..C..", "..W..", ".WWW.", ".WWW."]
 """The same with a touch sensor, for the courses in which one is needed."""
 TWO_SIDED = ["..C..", "..W..", ".LWL.", ".WWW.", ".WWW."]
 """Body with a touch sensor whose light sensors can tell left from right."""
+NIMBLE = ["..L..", ".....", "..W..", ".WWW.", "....."]
+"""Body that turns fastest: four wheels, apart from the sensor at its nose."""
 GAIN = 4.0
 """Gain of the steering, in gas per radian."""
+NEAR = 47.5
+"""Distance to the light from which the robot with one sensor steers, in units."""
+ONE_EYED_GAIN = 5.0
+"""Gain of its steering, in gas per radian."""
+TOLERATED = 1.0
+"""Bearing up to which it drives straight on, in radians: the light still comes nearer then."""
+WORSE = 0.02
+"""Loss of approach within a step after which it turns the other way, in units."""
 BEFORE_EXIT = 3.0
 """Distance below the walls' end from which a robot counts as through, in units."""
 
@@ -114,6 +126,29 @@ def driven(
     return float(infos["success"].mean()), float(infos["crossed"].mean())
 
 
+def one_eyed(scenarios: list[Scenario]) -> tuple[float, float]:
+    """Steer ``NIMBLE`` through Obstacle by its own sensor; returns the same fractions."""
+    task = TASKS["obstacle"]
+    extent = playfield(DEFAULT_GRID_SIZE)
+    envs = gymnasium.make_vec(task.env_id, num_envs=len(scenarios))
+    cells, _ = envs.reset(options={"body": NIMBLE, "scenario": scenarios})
+    row, column = np.argwhere(parse_body(NIMBLE) == Cell.LIGHT_SENSOR)[0]
+    side = np.ones(len(scenarios))
+    before = -extent * np.log(cells[:, row, column])
+    approach = np.zeros(len(scenarios))
+    for _ in range(MAX_EPISODE_STEPS):
+        distance = -extent * np.log(cells[:, row, column])
+        last, approach = approach, before - distance
+        side = np.where(last - approach > WORSE, -side, side)
+        # At full speed the robot covers a unit a step: the bearing but for its sign.
+        bearing = np.arccos(np.clip(approach, -1.0, 1.0))
+        turn = side * ONE_EYED_GAIN * np.maximum(bearing - TOLERATED, 0.0)
+        cells, *_, infos = envs.step(steered(np.where(distance < NEAR, turn, 0.0)))
+        before = distance
+    envs.close()
+    return float(infos["success"].mean()), float(infos["crossed"].mean())
+
+
 def main() -> None:
     """Print the fraction of short enough scenarios in each task, and the success of each driver."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -128,6 +163,7 @@ def main() -> None:
         print(f"{name:<12} {possible:.0%} of the scenarios are short enough")
     for task, body in (
         ("obstacle", SLIDER),
+        ("obstacle", NIMBLE),
         ("obstacle_touch", TOUCH_SLIDER),
         ("obstacle_touch", TWO_SIDED),
     ):
@@ -135,6 +171,9 @@ def main() -> None:
         for driver in DRIVERS:
             success, crossed = driven(driver, scenarios["obstacle"], body, task)
             print(f"  {driver.name}: {success:.0%} succeed, {crossed:.0%} cross")
+        if body is NIMBLE:
+            success, crossed = one_eyed(scenarios["obstacle"])
+            print(f"  by its sensor, once near: {success:.0%} succeed, {crossed:.0%} cross")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.bounds import DRIVERS, REACH, TOUCH_SLIDER, TWO_SIDED, driven, steered, way
+from benchmarks.bounds import (
+    DRIVERS,
+    NIMBLE,
+    REACH,
+    TOUCH_SLIDER,
+    TWO_SIDED,
+    driven,
+    one_eyed,
+    steered,
+    way,
+)
 from ncrs_envs.scenario import Scenario, sample_scenarios
 
 
@@ -53,3 +63,9 @@ def test_a_touch_sensor_is_a_burden_and_more_sensors_are_a_greater_one():
     touching, _ = driven(knowing, courses, TOUCH_SLIDER, "obstacle_touch")
     two_sided, _ = driven(knowing, courses, TWO_SIDED, "obstacle_touch")
     assert success > touching > two_sided > 0.0
+
+
+def test_one_sensor_is_worth_less_than_being_told():
+    courses = sample_scenarios("obstacle", 1, 400)
+    blind, light, *_ = (driven(driver, courses, NIMBLE)[0] for driver in DRIVERS)
+    assert blind < one_eyed(courses)[0] <= light
