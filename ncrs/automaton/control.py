@@ -16,7 +16,7 @@ from ncrs.automaton.channels import (
     STATE_LIMIT,
     STEPS_PER_ACTION,
 )
-from ncrs.automaton.nca import Automaton, NCAPopulation
+from ncrs.automaton.nca import Automaton, NCAPopulation, check_automaton
 from ncrs_envs.body import BodyError, BodyGrid, parse_body, sensor_mask, wheel_mask
 from ncrs_envs.errors import NCRSError
 
@@ -54,6 +54,7 @@ class Controller:
             independent of its company.
 
     Raises:
+        NoAutomatonError: ``nca`` is no automaton.
         BodyError: The bodies are malformed, or do not have one row per genome.
     """
 
@@ -62,6 +63,7 @@ class Controller:
     def __init__(
         self, nca: Automaton, bodies: Any, *, seed: int | None = None, batch: int | None = None
     ) -> None:
+        check_automaton(nca)
         bodies = np.asarray(bodies)
         if bodies.ndim < 2:
             raise BodyError(f"bodies must have shape (..., n, n), got {bodies.shape}.")

@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ncrs.automaton.channels import ALIVE_THRESHOLD, BODY_CHANNEL, NCALayout, growth_steps
-from ncrs.automaton.nca import Automaton, NCAPopulation
+from ncrs.automaton.nca import Automaton, NCAPopulation, check_automaton
 from ncrs.automaton.torch_settings import one_torch_thread
 from ncrs_envs.body import DEFAULT_GRID_SIZE, BodyGrid, check_grid_size
 
@@ -54,8 +54,10 @@ def grow(
         states, float32 ``(steps, n, n, C)``, or ``(P, steps, n, n, C)``.
 
     Raises:
+        NoAutomatonError: ``nca`` is no automaton.
         BodyError: ``grid_size`` is not an integer of at least 3.
     """
+    check_automaton(nca)
     grid_size = check_grid_size(grid_size)
     generator = None if seed is None else torch.Generator().manual_seed(seed)
     batch = (nca.size, 1) if isinstance(nca, NCAPopulation) else (1,)

@@ -221,6 +221,19 @@ class NCAPopulation(_CellularAutomaton):
 Automaton = NCA | NCAPopulation
 
 
+class NoAutomatonError(NCRSError, TypeError):
+    """Something else in the place of an NCA."""
+
+
+def check_automaton(nca: Any) -> None:
+    """Raise ``NoAutomatonError`` unless ``nca`` is an ``NCA`` or an ``NCAPopulation``."""
+    if not isinstance(nca, _CellularAutomaton):
+        raise NoAutomatonError(
+            f"nca must be an ncrs.NCA or an ncrs.NCAPopulation, got {type(nca).__name__}; of a "
+            "genome, make one with ncrs.NCA(task).set_genome(genome)."
+        )
+
+
 def nca_of(genome: Any, task: str | Task) -> NCA:
     """Make the NCA of a genome; torch's global generator is left as it was.
 

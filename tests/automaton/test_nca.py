@@ -6,7 +6,9 @@ import torch
 from torch.nn.utils import parameters_to_vector
 
 from ncrs.automaton.channels import GenomeError
-from ncrs.automaton.nca import NCA, NCAPopulation
+from ncrs.automaton.control import Controller
+from ncrs.automaton.growth import grow
+from ncrs.automaton.nca import NCA, NCAPopulation, NoAutomatonError
 
 
 @pytest.mark.parametrize("task", ["light_chase", "carry_ball"])
@@ -116,3 +118,12 @@ def test_the_options_need_a_seed_to_repeat(genomes):
 def test_options_out_of_range(option):
     with pytest.raises(ValueError, match="must lie in"):
         NCA(**option)
+
+
+@pytest.mark.parametrize("value", [np.zeros(4572, dtype=np.float32), None, "light_chase/best"])
+def test_something_else_in_the_place_of_an_automaton_is_refused(value):
+    message = rf"got {type(value).__name__}; of a genome, make one with .*set_genome"
+    with pytest.raises(NoAutomatonError, match=message):
+        grow(value)
+    with pytest.raises(NoAutomatonError, match=message):
+        Controller(value, np.full((5, 5), 4, dtype=np.int8))
