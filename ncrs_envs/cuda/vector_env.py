@@ -23,9 +23,7 @@ from ncrs_envs.batched.records import scenario_records
 from ncrs_envs.batched.sampling import RANDOM_REGION
 from ncrs_envs.batched.scenario_table import Indices
 from ncrs_envs.batched.vector_base import EpisodeRules, VectorBase
-from ncrs_envs.batched.vector_options import (
-    check_seeds,
-)
+from ncrs_envs.batched.vector_options import check_seeds
 from ncrs_envs.bodies import grid_side
 from ncrs_envs.body import HULL_DENSITY, sensor_mask, wheel_mask
 from ncrs_envs.cuda.devices import check_device, on_device
